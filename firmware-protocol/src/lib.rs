@@ -1,0 +1,2 @@
+//! Wire format of otolith's IMU firmware.
+#![no_std]

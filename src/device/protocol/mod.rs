@@ -1,0 +1,62 @@
+//! Decoders: raw traffic to IMU readings in SI units, sensor frame. Pure, one file per protocol.
+
+use nalgebra::Vector3;
+
+use super::Traffic;
+
+/// A device's own clock at the moment of a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DeviceTime {
+    /// Counter value, µs.
+    pub micros: u64,
+    /// The counter returns to zero after this many µs; `None` when it never does.
+    pub wraps_after_us: Option<u64>,
+}
+
+/// One sample of an IMU as its protocol states it, converted to SI.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImuReading {
+    /// The device's clock at the sample, where the protocol carries one.
+    pub device_time: Option<DeviceTime>,
+    /// Angular velocity, rad/s, sensor frame.
+    pub omega_imu: Vector3<f64>,
+    /// Specific force a - g, m/s², sensor frame (+9.81 on the up axis at rest); `None` without an accelerometer.
+    pub specific_force_imu: Option<Vector3<f64>>,
+    /// True when an axis stood at the end of its range.
+    pub clipped: bool,
+}
+
+/// What a decoder has counted since it was made. Nothing is lost silently.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct DecodeCounters {
+    /// Checksum-good frames of the protocol, of any type (data rows for a text log).
+    pub packets: u64,
+    /// Frames dropped for a wrong checksum or broken framing (unreadable rows for a text log).
+    pub bad_checksum: u64,
+    /// Bytes that belong to no frame.
+    pub bytes_skipped: u64,
+    /// Frames known to be lost, by sequence number, tick or the device's own count.
+    pub missing: u64,
+    /// Checksum-good frames of a type this decoder does not know.
+    pub unknown: u64,
+    /// Samples the device says it dropped before sending.
+    pub device_dropped: u64,
+}
+
+/// Turns raw traffic into IMU readings. Sans-I/O: no clock, no port, and any bytes are legal input.
+pub trait PacketDecoder: Send {
+    /// Short name of the protocol, as `--protocol` takes it.
+    fn protocol(&self) -> &'static str;
+    /// Takes the next piece of traffic and calls `on_reading` for each complete sample in it.
+    fn push(&mut self, traffic: Traffic<'_>, on_reading: &mut dyn FnMut(ImuReading));
+    /// Everything counted so far.
+    fn counters(&self) -> DecodeCounters;
+    /// Nominal sample rate in Hz if the device announced one.
+    fn announced_rate_hz(&self) -> Option<f64> {
+        None
+    }
+    /// Bytes to write to the device now (a clock or identity request), or `None`. Called after `push`.
+    fn poll_transmit(&mut self, _host_time_us: u64, _out: &mut [u8; 64]) -> Option<usize> {
+        None
+    }
+}

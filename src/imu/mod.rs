@@ -1,0 +1,31 @@
+//! IMU readings to measured head motion: clock, calibration, mounting, one sample per tick.
+
+use nalgebra::Vector3;
+
+use crate::time::HostTime;
+
+/// One IMU sample on the host's time, calibrated, still in the sensor frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImuSample {
+    /// When the sample was taken, host time.
+    pub at: HostTime,
+    /// Angular velocity, rad/s, imu frame.
+    pub omega_imu: Vector3<f64>,
+    /// Specific force a - g, m/s², imu frame.
+    pub specific_force_imu: Vector3<f64>,
+}
+
+/// State of the connection to the device, by the age of its newest sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LinkHealth {
+    /// Nothing usable has arrived yet.
+    #[default]
+    Waiting,
+    /// Samples arrive.
+    Live,
+    /// The newest sample is old but within the hold limit: it is held.
+    Stale,
+    /// Older than the hold limit: the measurement is gone until samples return.
+    Lost,
+}

@@ -1,0 +1,3 @@
+//! The `otolith` command.
+
+fn main() {}
