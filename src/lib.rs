@@ -3,8 +3,13 @@
 //! `Link -> PacketDecoder -> clock sync -> calibration -> mount -> HeadMotion -> OrientationObserver -> Perception
 //! -> PerceivedBalance -> BalanceController -> torques -> dynamics -> CharacterState`, every tick recorded.
 
+pub mod balance;
+pub mod character;
 pub mod device;
+pub mod dynamics;
+pub mod hil;
 pub mod imu;
+pub mod runtime;
 pub mod tick;
 pub mod time;
 pub mod units;

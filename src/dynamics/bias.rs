@@ -1,0 +1,79 @@
+//! Recursive Newton-Euler: the generalised forces that belong to a motion.
+
+use nalgebra::Vector3;
+
+use super::inertia::Inertias;
+use super::kinematics::Kinematics;
+use super::spatial::{Motion, Wrench};
+use crate::character::{BODIES, CharacterModel, GenVec};
+
+/// Velocity-product forces: `C(q, q̇)` without gravity, and the wrench of the whole character.
+#[derive(Clone, Debug)]
+pub struct VelocityForces {
+    /// `C(q, q̇)`, generalised.
+    pub generalised: GenVec,
+    /// Rate of change of the character's momentum at zero generalised acceleration, about the reference point.
+    pub momentum_rate: Wrench,
+}
+
+impl Default for VelocityForces {
+    fn default() -> Self {
+        Self { generalised: GenVec::zeros(), momentum_rate: Wrench::default() }
+    }
+}
+
+/// `C(q, q̇)` by one backward pass over the velocity-product accelerations found by the kinematics.
+pub fn velocity_forces(model: &CharacterModel, kinematics: &Kinematics, inertias: &Inertias) -> VelocityForces {
+    let (generalised, momentum_rate) = backward_pass(model, kinematics, inertias, &kinematics.bias_acceleration);
+    VelocityForces { generalised, momentum_rate }
+}
+
+/// Inverse dynamics: `tau = M qdd + C(q, q̇) + G(q)` for the stated acceleration, armature included, no contact.
+pub fn inverse_dynamics(
+    model: &CharacterModel,
+    kinematics: &Kinematics,
+    inertias: &Inertias,
+    qdd: &GenVec,
+    gravity: &Vector3<f64>,
+) -> GenVec {
+    let bias = &kinematics.bias_acceleration;
+    let mut acceleration = [Motion::default(); BODIES];
+    for (i, body) in model.bodies.iter().enumerate() {
+        let mut a = if i == 0 {
+            // Uniform gravity is an upward acceleration of the whole frame.
+            Motion { angular: bias[0].angular, linear: bias[0].linear - gravity }
+        } else {
+            acceleration[body.parent].plus_scaled(1.0, &bias[i]).plus_scaled(-1.0, &bias[body.parent])
+        };
+        for dof in body.first_dof..body.first_dof + body.dofs {
+            a = a.plus_scaled(qdd[dof], &kinematics.axis[dof]);
+        }
+        acceleration[i] = a;
+    }
+    let (mut tau, _) = backward_pass(model, kinematics, inertias, &acceleration);
+    for (j, joint) in model.joints.iter().enumerate() {
+        tau[6 + j] += joint.armature * qdd[6 + j];
+    }
+    tau
+}
+
+fn backward_pass(
+    model: &CharacterModel,
+    kinematics: &Kinematics,
+    inertias: &Inertias,
+    acceleration: &[Motion; BODIES],
+) -> (GenVec, Wrench) {
+    let mut wrench = [Wrench::default(); BODIES];
+    for i in 0..BODIES {
+        let inertia = &inertias.body[i];
+        let velocity = &kinematics.velocity[i];
+        wrench[i] = inertia.apply(&acceleration[i]);
+        wrench[i] += velocity.cross_wrench(&inertia.apply(velocity));
+    }
+    for i in (1..BODIES).rev() {
+        let carried = wrench[i];
+        wrench[model.bodies[i].parent] += carried;
+    }
+    let tau = GenVec::from_fn(|dof, _| kinematics.axis[dof].dot(&wrench[model.dof_body[dof]]));
+    (tau, wrench[0])
+}

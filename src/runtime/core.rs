@@ -1,0 +1,192 @@
+//! The pure core: one tick of two characters on one turntable. No clock, no I/O, no lock, no heap.
+
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+
+use super::figure::{Figure, Vestibular};
+use crate::balance::{BalanceSettings, FallSettings, SettingsError};
+use crate::character::CharacterModel;
+use crate::dynamics::{BodyWrench, ContactSettings, PoseError, PoseSettings, standing_pose};
+use crate::hil::{ChairResidual, Turntable, TurntableSettings};
+use crate::tick::{TickInput, TickOutput};
+use crate::time::{TICK_S, Tick};
+use crate::vestibular::ObserverParameters;
+
+/// A push on the thorax.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Push {
+    /// When it begins, s.
+    pub start_s: f64,
+    /// How long it lasts, s.
+    pub duration_s: f64,
+    /// Force forward (x) and to the left (y), world axes, N.
+    pub force: [f64; 2],
+}
+
+/// Everything that decides how the core behaves.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CoreSettings {
+    /// The vestibular model.
+    pub observer: ObserverParameters,
+    /// Gains of the balance controller.
+    pub balance: BalanceSettings,
+    /// When a character has fallen.
+    pub fall: FallSettings,
+    /// Contact of the feet.
+    pub contact: ContactSettings,
+    /// The turntable that follows the chair.
+    pub turntable: TurntableSettings,
+    /// The initial pose.
+    pub pose: PoseSettings,
+    /// A push on both characters.
+    pub push: Option<Push>,
+    /// Stand a fallen character up again after this time, s.
+    pub respawn_after_s: Option<f64>,
+}
+
+impl Default for CoreSettings {
+    fn default() -> Self {
+        Self {
+            observer: ObserverParameters::seed(),
+            balance: BalanceSettings::default(),
+            fall: FallSettings::default(),
+            contact: ContactSettings::default(),
+            turntable: TurntableSettings::default(),
+            pose: PoseSettings::default(),
+            push: None,
+            respawn_after_s: None,
+        }
+    }
+}
+
+/// Settings the core cannot run with.
+#[derive(Debug, thiserror::Error)]
+pub enum CoreSettingsError {
+    /// A gain outside its range.
+    #[error(transparent)]
+    Balance(#[from] SettingsError),
+    /// A pose the model cannot take.
+    #[error(transparent)]
+    Pose(#[from] PoseError),
+    /// Another number outside its range.
+    #[error("key `{key}` is {got}, allowed is {allowed}")]
+    Range {
+        /// Name of the key.
+        key: &'static str,
+        /// What was given.
+        got: f64,
+        /// Allowed range.
+        allowed: &'static str,
+    },
+}
+
+impl CoreSettings {
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// The first key outside its range.
+    pub fn check(&self) -> Result<(), CoreSettingsError> {
+        self.balance.check()?;
+        let contact = &self.contact;
+        let in_range = [
+            ("fall.sway_limit_deg", self.fall.sway_limit_deg, 1.0..=60.0, "1 to 60 deg"),
+            ("fall.growing_for_s", self.fall.growing_for_s, 0.0..=10.0, "0 to 10 s"),
+            ("fall.least_com_height", self.fall.least_com_height, 0.0..=2.0, "0 to 2 m"),
+            ("fall.residual_limit", self.fall.residual_limit, 0.0..=1e6, "0 to 1e6 N"),
+            ("fall.residual_for_s", self.fall.residual_for_s, 0.0..=10.0, "0 to 10 s"),
+            ("fall.limp_damping", self.fall.limp_damping, 0.1..=1e4, "0.1 to 10000 N m s/rad"),
+            ("contact.margin", contact.margin, 1e-5..=0.05, "1e-5 to 0.05 m"),
+            ("contact.error_reduction", contact.error_reduction, 0.0..=1.0, "0 to 1"),
+            ("contact.push_out_limit", contact.push_out_limit, 0.0..=10.0, "0 to 10 m/s"),
+            ("contact.relative_compliance", contact.relative_compliance, 1e-8..=0.1, "1e-8 to 0.1"),
+            ("contact.anchor_gain", contact.anchor_gain, 0.0..=1.0, "0 to 1"),
+            ("contact.sweeps", contact.sweeps as f64, 1.0..=1000.0, "1 to 1000"),
+            ("turntable.filter_s", self.turntable.filter_s, 0.0..=1.0, "0 to 1 s"),
+            ("turntable.recovery_acceleration", self.turntable.recovery_acceleration, 0.01..=100.0, "0.01 to 100 rad/s2"),
+            ("respawn_after_s", self.respawn_after_s.unwrap_or(1.0), 0.0..=3600.0, "0 to 3600 s"),
+            ("push.start_s", self.push.map_or(0.0, |p| p.start_s), 0.0..=1e6, "0 to 1e6 s"),
+            ("push.duration_s", self.push.map_or(0.1, |p| p.duration_s), 1e-3..=10.0, "0.001 to 10 s"),
+            ("push.force[0]", self.push.map_or(0.0, |p| p.force[0]), -5000.0..=5000.0, "-5000 to 5000 N"),
+            ("push.force[1]", self.push.map_or(0.0, |p| p.force[1]), -5000.0..=5000.0, "-5000 to 5000 N"),
+        ];
+        for (key, got, range, allowed) in in_range {
+            if !range.contains(&got) {
+                return Err(CoreSettingsError::Range { key, got, allowed });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Two characters on one turntable: a pure function of its settings and of every input so far.
+#[derive(Debug)]
+pub struct Core {
+    settings: Arc<CoreSettings>,
+    gravity: Vector3<f64>,
+    thorax: usize,
+    turntable: Turntable,
+    started: bool,
+    green: Figure,
+    blue: Figure,
+}
+
+impl Core {
+    /// A core with both characters standing at rest.
+    ///
+    /// # Errors
+    /// Settings out of range, or a pose that names hinges the model does not have.
+    pub fn new(settings: CoreSettings, model: CharacterModel) -> Result<Self, CoreSettingsError> {
+        settings.check()?;
+        let standing = standing_pose(&model, &settings.pose)?;
+        let (settings, model) = (Arc::new(settings), Arc::new(model));
+        let figure = |vestibular| Figure::new(vestibular, settings.clone(), model.clone(), standing);
+        Ok(Self {
+            gravity: model.gravity,
+            thorax: model.thorax,
+            turntable: Turntable::turning(settings.turntable, 0.0),
+            started: false,
+            green: figure(Vestibular::Trusted),
+            blue: figure(Vestibular::Perfect),
+            settings,
+        })
+    }
+
+    /// One tick of 1 ms.
+    pub fn step(&mut self, input: &TickInput) -> TickOutput {
+        if let (Some(chair), false) = (&input.chair, self.started) {
+            // The stream may begin while the chair already turns: platform, bodies and canals start with it.
+            self.started = true;
+            self.turntable = Turntable::turning(self.settings.turntable, chair.omega_head.z);
+            self.stand_up();
+        } else if input.respawn {
+            self.stand_up();
+        }
+        let measured = input.chair.as_ref().map(|chair| chair.omega_head.z);
+        let platform = self.turntable.follow(measured, TICK_S);
+        let residual = ChairResidual::of(input.chair.as_ref(), &platform, &self.gravity);
+        let push = self.push_at(input.tick);
+        let green = self.green.step(&platform, &residual, push.as_ref());
+        let blue = self.blue.step(&platform, &residual, push.as_ref());
+        self.turntable.advance(&platform, TICK_S);
+        TickOutput { tick: input.tick, platform, green, blue }
+    }
+
+    fn stand_up(&mut self) {
+        let (angle, rate) = (self.turntable.angle(), self.turntable.rate());
+        self.green.stand_up(angle, rate);
+        self.blue.stand_up(angle, rate);
+    }
+
+    fn push_at(&self, tick: Tick) -> Option<BodyWrench> {
+        let push = self.settings.push?;
+        let t = tick.time_s();
+        (t >= push.start_s && t < push.start_s + push.duration_s).then(|| BodyWrench {
+            body: self.thorax,
+            force: Vector3::new(push.force[0], push.force[1], 0.0),
+            moment: Vector3::zeros(),
+        })
+    }
+}

@@ -1,0 +1,7 @@
+//! Running the pure core: live, from a recording, or as fast as the machine goes.
+
+mod core;
+mod figure;
+
+pub use core::{Core, CoreSettings, CoreSettingsError, Push};
+pub use figure::Vestibular;
