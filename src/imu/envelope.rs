@@ -154,9 +154,6 @@ fn least_squares<'a>(reference: Minimum, minima: impl Iterator<Item = &'a Minimu
         square += (t - mean_t) * (t - mean_t);
         product += (t - mean_t) * (d - mean_d);
     }
-    if !(square > 0.0) {
-        return None;
-    }
     let drift = product / square;
-    Some(Line { reference, offset_ns: mean_d - drift * mean_t, drift })
+    (square > 0.0).then_some(Line { reference, offset_ns: mean_d - drift * mean_t, drift })
 }

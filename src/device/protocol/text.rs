@@ -4,10 +4,13 @@
 //! [`DecodeCounters::bad_checksum`], and rows that never came cannot be seen ([`DecodeCounters::missing`] stays 0;
 //! a gap in the time column shows later). A number that was cut short but is still a number cannot be seen either.
 
+mod check;
+mod error;
 mod mapping;
 mod row;
 
-pub use mapping::{TextError, TextMapping};
+pub use error::TextError;
+pub use mapping::TextMapping;
 pub use row::LineTimes;
 
 use row::{Line, RowReader};

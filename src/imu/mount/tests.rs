@@ -67,6 +67,7 @@ fn bad_mounts_are_refused_with_file_key_and_determinant() {
     }
     let error = Mount::from_toml("m.toml", "axes = { forward = \"w\", up = \"z\" }").unwrap_err().to_string();
     assert!(error.starts_with("m.toml: ") && error.contains("unknown variant `w`"), "{error}");
+    assert!(error.contains("\n\nhint: "), "{error}");
 }
 
 #[test]

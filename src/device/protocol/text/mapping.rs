@@ -1,59 +1,10 @@
 //! Mapping files: which column of a text log is what, in which unit.
 
+use super::error::TextError;
 use crate::units::{RAD_PER_DEG, STANDARD_GRAVITY};
 
 /// Highest column number that may be mapped; lines hold at most 4096 bytes.
 const MAX_COLUMN: usize = 1024;
-
-/// A mapping or a log that cannot be used.
-#[derive(Debug, thiserror::Error)]
-pub enum TextError {
-    /// The mapping is not TOML, or has an unknown key, unit or a wrong type.
-    #[error(
-        "{file}: {source}\nhint: a mapping has delimiter, header, comment, column_count, rate_hz and the tables \
-         [time], [gyro] and [specific_force]; see configs/logs/"
-    )]
-    Toml {
-        /// Name of the mapping file as the user gave it.
-        file: String,
-        /// What the TOML reader said, with line and column.
-        source: Box<toml::de::Error>,
-    },
-    /// A value of the mapping that cannot be.
-    #[error(
-        "{file}: {key} is {got}, allowed is {allowed}\n\nhint: see the example mappings in configs/logs/"
-    )]
-    Value {
-        /// Name of the mapping file as the user gave it.
-        file: String,
-        /// The key, dotted.
-        key: String,
-        /// The value as read.
-        got: String,
-        /// What may stand there.
-        allowed: &'static str,
-    },
-    /// A mapped column is not in the log.
-    #[error("{log}: no column {column} for {key}, found are {found}\n\nhint: correct {key} in {mapping}")]
-    MissingColumn {
-        /// Name of the log.
-        log: String,
-        /// Name of the mapping file.
-        mapping: String,
-        /// The key that names the column.
-        key: String,
-        /// The column asked for.
-        column: String,
-        /// What the log has.
-        found: String,
-    },
-    /// The log has no line but blank ones and comments.
-    #[error("{log}: no line with data\n\nhint: the file is empty or holds only comments")]
-    Empty {
-        /// Name of the log.
-        log: String,
-    },
-}
 
 /// A column by its number, from 1, or by the name in the header line.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -258,11 +209,12 @@ impl TextMapping {
                 }
                 _ => {}
             }
-            if !(field.full_scale > 0.0) {
+            if field.full_scale.is_nan() || field.full_scale <= 0.0 {
                 return value(field.key, field.full_scale.to_string(), "a full_scale above 0");
             }
         }
-        if let Some(wrap) = self.time.as_ref().and_then(|time| time.wraps_after).filter(|wrap| !(*wrap > 0.0))
+        if let Some(wrap) =
+            self.time.as_ref().and_then(|time| time.wraps_after).filter(|wrap| wrap.is_nan() || *wrap <= 0.0)
         {
             return value("time.wraps_after", wrap.to_string(), "a number of time units above 0");
         }

@@ -2,13 +2,13 @@
 
 use nalgebra::Vector3;
 
-use super::mapping::{Column, Delimiter, Field, TextError, TextMapping};
+use super::mapping::{Column, Delimiter, Field, TextMapping};
 use crate::device::protocol::ImuReading;
 
 /// Numbers of a row at most: gyro, specific force, time.
 const MAX_FIELDS: usize = 7;
 /// What some programs put before the first line of UTF-8.
-const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
+pub(super) const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
 
 /// What a line turned out to be.
 #[derive(Clone, Copy, Debug)]
@@ -25,10 +25,10 @@ pub(super) enum Line {
 #[derive(Clone, Debug)]
 pub(super) struct RowReader {
     mapping: TextMapping,
-    fields: Vec<Field>,
-    delimiter: Delimiter,
+    pub(super) fields: Vec<Field>,
+    pub(super) delimiter: Delimiter,
     /// Column of each field, from 0; `None` until the header was read, or when it lacks a name.
-    columns: Option<[usize; MAX_FIELDS]>,
+    pub(super) columns: Option<[usize; MAX_FIELDS]>,
     header_pending: bool,
     /// Columns a row needs at least.
     least_columns: usize,
@@ -108,7 +108,7 @@ impl RowReader {
     }
 
     /// Blank and comment lines.
-    fn is_empty(&self, line: &[u8]) -> bool {
+    pub(super) fn is_empty(&self, line: &[u8]) -> bool {
         let text = line.trim_ascii();
         text.is_empty()
             || self.mapping.comment.as_ref().is_some_and(|comment| text.starts_with(comment.as_bytes()))
@@ -123,7 +123,7 @@ impl RowReader {
         Some(columns)
     }
 
-    fn find_column(&self, field: &Field, header: &[u8]) -> Option<usize> {
+    pub(super) fn find_column(&self, field: &Field, header: &[u8]) -> Option<usize> {
         match &field.column {
             Column::Number(number) => Some(number - 1),
             Column::Name(name) => {
@@ -134,40 +134,6 @@ impl RowReader {
 }
 
 impl TextMapping {
-    /// Checks the beginning of a log against this mapping: a few kilobytes, at least its first rows.
-    ///
-    /// The decoder itself never fails; it counts. This is for saying at once that log and mapping do not fit.
-    /// `log` and `mapping_file` only name the files in errors.
-    ///
-    /// # Errors
-    /// [`TextError::Empty`] if there is no line of data, [`TextError::MissingColumn`] if the header lacks a name or
-    /// the first row is shorter than a mapped column number.
-    pub fn check_log(&self, log: &str, mapping_file: &str, start: &[u8]) -> Result<(), TextError> {
-        let reader = RowReader::new(self);
-        let without_mark = start.strip_prefix(BYTE_ORDER_MARK).unwrap_or(start);
-        let mut lines = without_mark.split(|&byte| byte == b'\n').filter(|line| !reader.is_empty(line));
-        let first = lines.next().ok_or_else(|| TextError::Empty { log: log.to_owned() })?;
-        let count = split(first, reader.delimiter).count();
-        for field in &reader.fields {
-            if reader.find_column(field, first).is_none_or(|column| column >= count) {
-                let titles =
-                    split(first, reader.delimiter).map(|title| String::from_utf8_lossy(title).into_owned());
-                return Err(TextError::MissingColumn {
-                    log: log.to_owned(),
-                    mapping: mapping_file.to_owned(),
-                    key: field.key.to_owned(),
-                    column: field.column.to_string(),
-                    found: if self.header {
-                        titles.map(|title| format!("\"{title}\"")).collect::<Vec<_>>().join(", ")
-                    } else {
-                        format!("{count} columns")
-                    },
-                });
-            }
-        }
-        Ok(())
-    }
-
     /// A reader of the times of this log's lines, for stamping them as they are replayed.
     pub fn line_times(&self) -> LineTimes {
         LineTimes { rows: RowReader::new(self), period_s: self.rate_hz().map(|rate| 1.0 / rate), index: 0 }
@@ -194,7 +160,7 @@ impl LineTimes {
 }
 
 /// Fields of a line without surrounding blanks and quotes.
-fn split(line: &[u8], delimiter: Delimiter) -> impl Iterator<Item = &[u8]> {
+pub(super) fn split(line: &[u8], delimiter: Delimiter) -> impl Iterator<Item = &[u8]> {
     let mut rest = Some(line.trim_ascii_end());
     std::iter::from_fn(move || {
         let mut text = rest?;
@@ -217,6 +183,6 @@ fn split(line: &[u8], delimiter: Delimiter) -> impl Iterator<Item = &[u8]> {
 }
 
 /// A finite number.
-fn number(text: &[u8]) -> Option<f64> {
+pub(super) fn number(text: &[u8]) -> Option<f64> {
     std::str::from_utf8(text).ok()?.parse::<f64>().ok().filter(|value| value.is_finite())
 }

@@ -111,8 +111,28 @@ fn a_log_that_does_not_fit_is_named() {
         error.starts_with("a.csv: no column 4 for gyro.columns, found are 3 columns\n\nhint: "),
         "{error}"
     );
+    let counted = TextMapping::from_toml("map.toml", &format!("column_count = 8\n{SIX_COLUMNS}")).unwrap();
+    let error = counted.check_log("a.csv", "map.toml", b"0,1,2,3,4,5,6\n").unwrap_err().to_string();
+    assert!(error.starts_with("a.csv: the first line has 7 columns, expected 8\n\nhint: "), "{error}");
     let error = mapping.check_log("a.csv", "map.toml", b"\n\n").unwrap_err().to_string();
     assert!(error.starts_with("a.csv: no line with data\n\nhint: "), "{error}");
+}
+
+#[test]
+fn the_first_bad_row_of_a_file_is_explained() {
+    let mapping = mapping(SIX_COLUMNS);
+    let check = |log: &str| mapping.check_rows("a.csv", log.as_bytes()).map_err(|error| error.to_string());
+    assert_eq!(check("0,1,2,3,4,5,6\n\n10,1,2,3,4,5,6\n20,1,2"), Ok(2));
+    for (row, what) in [
+        ("10,1,NaN,3,4,5,6", "column 3 (gyro.columns) is \"NaN\", expected a finite number"),
+        ("10,1,2,3,4,5", "column 7 (specific_force.columns) is missing"),
+        ("late,1,2,3,4,5,6", "column 1 (time.column) is \"late\", expected a finite number"),
+    ] {
+        let error = check(&format!("0,1,2,3,4,5,6\n{row}\n20,1,2,3,4,5,6\n")).unwrap_err();
+        assert!(error.starts_with(&format!("a.csv, line 2: {what}\n\nhint: ")), "{error}");
+    }
+    let error = check("0,1,2,3,4,5,6,7\n0,1,2,3,4,5,6\n0,1,2,3,4,5,6,7\n").unwrap_err();
+    assert!(error.starts_with("a.csv, line 2: 7 columns, another number"), "{error}");
 }
 
 #[test]
