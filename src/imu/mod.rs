@@ -1,6 +1,28 @@
 //! IMU readings to measured head motion: clock, calibration, mounting, one sample per tick.
+//!
+//! `ImuReading -> ClockSync -> Calibration -> (alignment at rest) -> Mount -> HeadSample -> Resampler -> HeadMotion`.
+//! [`ImuPipeline`] goes up to the head samples, [`Resampler`] from there to the ticks.
 
 use nalgebra::Vector3;
+
+mod calibration;
+mod clock_sync;
+mod envelope;
+mod error;
+mod health;
+mod mount;
+mod pipeline;
+mod resample;
+mod settings;
+
+pub use calibration::{Calibration, MIN_REST_SAMPLES, RestDetector};
+pub use clock_sync::{ClockMode, ClockSync};
+pub use error::ImuConfigError;
+pub use health::{AgeLimits, ImuCounters, LinkMonitor, ResampleCounters};
+pub use mount::{HeadSample, Mount, OmegaDerivative};
+pub use pipeline::{AlignmentReport, ImuPipeline, SCALE_LIMITS};
+pub use resample::{RESAMPLE_CAPACITY, Resampler};
+pub use settings::{ImuSettings, RestLimits};
 
 use crate::time::HostTime;
 

@@ -4,6 +4,8 @@ use nalgebra::Vector3;
 
 use super::Traffic;
 
+pub mod text;
+
 /// A device's own clock at the moment of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DeviceTime {

@@ -1,0 +1,100 @@
+//! Whether a log and a mapping fit: the decoder counts what it cannot read, this says why.
+
+use super::error::TextError;
+use super::mapping::TextMapping;
+use super::row::{BYTE_ORDER_MARK, Line, RowReader, number, split};
+
+impl TextMapping {
+    /// Checks the beginning of a log against this mapping: a few kilobytes, at least its first rows.
+    ///
+    /// The decoder itself never fails; it counts. This is for saying at once that log and mapping do not fit.
+    /// `log` and `mapping_file` only name the files in errors.
+    ///
+    /// # Errors
+    /// [`TextError::Empty`] if there is no line of data, [`TextError::MissingColumn`] if the header lacks a name or
+    /// the first line is shorter than a mapped column number, [`TextError::ColumnCount`] if its length is not the one
+    /// demanded.
+    pub fn check_log(&self, log: &str, mapping_file: &str, start: &[u8]) -> Result<(), TextError> {
+        let reader = RowReader::new(self);
+        let without_mark = start.strip_prefix(BYTE_ORDER_MARK).unwrap_or(start);
+        let mut lines = without_mark.split(|&byte| byte == b'\n').filter(|line| !reader.is_empty(line));
+        let first = lines.next().ok_or_else(|| TextError::Empty { log: log.to_owned() })?;
+        let count = split(first, reader.delimiter).count();
+        for field in &reader.fields {
+            if reader.find_column(field, first).is_none_or(|column| column >= count) {
+                let titles =
+                    split(first, reader.delimiter).map(|title| String::from_utf8_lossy(title).into_owned());
+                return Err(TextError::MissingColumn {
+                    log: log.to_owned(),
+                    mapping: mapping_file.to_owned(),
+                    key: field.key.to_owned(),
+                    column: field.column.to_string(),
+                    found: if self.header {
+                        titles.map(|title| format!("\"{title}\"")).collect::<Vec<_>>().join(", ")
+                    } else {
+                        format!("{count} columns")
+                    },
+                });
+            }
+        }
+        match self.column_count {
+            Some(expected) if expected != count => Err(TextError::ColumnCount {
+                log: log.to_owned(),
+                mapping: mapping_file.to_owned(),
+                found: count,
+                expected,
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Reads a whole log and reports its first row that does not read; returns the number of rows.
+    ///
+    /// The last line is not judged: a log that was cut off is a counted loss, not a wrong file.
+    ///
+    /// # Errors
+    /// [`TextError::BadRow`] with line, column and what stands there.
+    pub fn check_rows(&self, log: &str, bytes: &[u8]) -> Result<u64, TextError> {
+        let mut reader = RowReader::new(self);
+        let mut lines = bytes.trim_ascii_end().split(|&byte| byte == b'\n').enumerate().peekable();
+        let mut rows = 0;
+        while let Some((index, line)) = lines.next() {
+            match reader.read(line) {
+                Line::Empty => {}
+                Line::Bad if lines.peek().is_none() => {}
+                Line::Bad => {
+                    return Err(TextError::BadRow {
+                        log: log.to_owned(),
+                        line: index + 1,
+                        what: what_is_wrong(&reader, line),
+                    });
+                }
+                Line::Row { .. } => rows += 1,
+            }
+        }
+        Ok(rows)
+    }
+}
+
+/// Why a row does not read, in words.
+fn what_is_wrong(reader: &RowReader, line: &[u8]) -> String {
+    let texts: Vec<&[u8]> = split(line, reader.delimiter).collect();
+    let Some(columns) = reader.columns else {
+        return "the header lacks a mapped column".to_owned();
+    };
+    for (field, &column) in reader.fields.iter().zip(&columns) {
+        match texts.get(column) {
+            None => return format!("column {} ({}) is missing", column + 1, field.key),
+            Some(text) if number(text).is_none() => {
+                let text = String::from_utf8_lossy(text);
+                return format!(
+                    "column {} ({}) is \"{text}\", expected a finite number",
+                    column + 1,
+                    field.key
+                );
+            }
+            Some(_) => {}
+        }
+    }
+    format!("{} columns, another number than the lines before or column_count", texts.len())
+}
