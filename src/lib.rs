@@ -3,6 +3,7 @@
 //! `Link -> PacketDecoder -> clock sync -> calibration -> mount -> HeadMotion -> OrientationObserver -> Perception
 //! -> PerceivedBalance -> BalanceController -> torques -> dynamics -> CharacterState`, every tick recorded.
 
+pub mod cli;
 pub mod device;
 pub mod imu;
 pub mod tick;
