@@ -5,6 +5,7 @@ mod table;
 
 use std::fs::File;
 use std::io::BufWriter;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use clap::builder::PossibleValuesParser;
@@ -85,7 +86,7 @@ pub fn run(args: &PerceiveArgs) -> Result<PerceiveSummary, PerceiveError> {
     }
     let first = rows.next().ok_or_else(|| PerceiveError::NoRows { path: args.input.clone() })??;
     let gravity_hat = args.initial_gravity_hat.unwrap_or(first.motion.gif_head);
-    if gravity_hat.norm() < LEAST_GRAVITY {
+    if !GRAVITY_SIZES.contains(&gravity_hat.norm()) {
         return Err(PerceiveError::NoGravity { path: args.input.clone(), size: gravity_hat.norm() });
     }
 
@@ -102,8 +103,8 @@ pub fn run(args: &PerceiveArgs) -> Result<PerceiveSummary, PerceiveError> {
     Ok(summary)
 }
 
-/// Smallest believed gravity that has a direction worth following, m/s².
-const LEAST_GRAVITY: f64 = 1e-3;
+/// Sizes of believed gravity that leave it a direction worth following, m/s².
+const GRAVITY_SIZES: RangeInclusive<f64> = 1e-3..=1e3;
 
 impl PerceiveSummary {
     fn starting(args: &PerceiveArgs, first: &PerceptRow) -> Self {

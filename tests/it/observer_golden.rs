@@ -6,7 +6,8 @@ use nalgebra::Vector3;
 use otolith::cli::perceive::{PerceiveArgs, run};
 use otolith::units::DEG_PER_RAD;
 use otolith::vestibular::{
-    HeadMotionRow, NewmanObserver, ObserverParameters, Perceiver, PerceptRow, angle_between,
+    HeadMotionRow, IdealObserver, NewmanObserver, ObserverParameters, OrientationObserver, Perceiver,
+    PerceptRow, angle_between,
 };
 
 use super::observer_cases::{Case, GoldenRow, all};
@@ -65,22 +66,39 @@ fn tolerance(case: &Case, rate_hz: u32) -> (f64, f64) {
     }
 }
 
-fn row_at(case: &Case, sample: u32, rate_hz: u32) -> HeadMotionRow {
-    let t_s = f64::from(sample) / f64::from(rate_hz);
+fn row_at(case: &Case, t_s: f64) -> HeadMotionRow {
     HeadMotionRow { t_s, motion: case.truth(t_s).motion() }
 }
 
-fn samples(case: &Case, rate_hz: u32) -> u32 {
-    (case.duration_s * f64::from(rate_hz)).round() as u32
+/// Sample times of a whole case.
+fn times(case: &Case, rate_hz: u32) -> impl Iterator<Item = f64> {
+    let last = (case.duration_s * f64::from(rate_hz)).round() as u32;
+    (0..=last).map(move |sample| f64::from(sample) / f64::from(rate_hz))
 }
 
-fn run_case(case: &Case, rate_hz: u32) -> Worst {
-    let parameters = ObserverParameters::preset(&case.preset).unwrap();
-    let observer = NewmanObserver::new(parameters).unwrap();
-    let (mut perceiver, first) = Perceiver::start(observer, &row_at(case, 0, rate_hz), case.gravity_hat);
-    let mut worst = Worst::default();
-    let mut compare = |golden: &GoldenRow, percept: &PerceptRow| {
+/// Runs `observer` over a case sampled at `times` and hands out the percepts at the times of its golden rows.
+fn run_case<O: OrientationObserver>(
+    case: &Case,
+    observer: O,
+    mut times: impl Iterator<Item = f64>,
+    mut compare: impl FnMut(&GoldenRow, &PerceptRow),
+) {
+    let first = row_at(case, times.next().unwrap());
+    let (mut perceiver, mut percept) = Perceiver::start(observer, &first, case.gravity_hat);
+    for golden in &case.rows {
+        while percept.t_s < golden.t_s - 1e-9 {
+            percept = perceiver.step(&row_at(case, times.next().unwrap()));
+        }
         assert!((golden.t_s - percept.t_s).abs() < 1e-9);
+        compare(golden, &percept);
+    }
+    assert_eq!(times.next(), None);
+}
+
+fn worst_errors(case: &Case, times: impl Iterator<Item = f64>) -> Worst {
+    let parameters = ObserverParameters::preset(&case.preset).unwrap();
+    let mut worst = Worst::default();
+    run_case(case, NewmanObserver::new(parameters).unwrap(), times, |golden, percept| {
         let believed = &percept.perception;
         worst.add(
             golden,
@@ -89,15 +107,7 @@ fn run_case(case: &Case, rate_hz: u32) -> Worst {
             believed.accel_head,
             percept.gravity_tilt,
         );
-    };
-    compare(&case.rows[0], &first);
-    let per_golden_row = rate_hz / 2;
-    for sample in 1..=samples(case, rate_hz) {
-        let percept = perceiver.step(&row_at(case, sample, rate_hz));
-        if sample % per_golden_row == 0 {
-            compare(&case.rows[(sample / per_golden_row) as usize], &percept);
-        }
-    }
+    });
     worst
 }
 
@@ -106,7 +116,7 @@ fn our_stimuli_are_the_golden_ones() {
     let cases = all();
     assert_eq!(cases.len(), 28);
     for case in &cases {
-        assert_eq!(case.rows.len(), samples(case, 2) as usize + 1, "{}", case.file);
+        assert_eq!(case.rows.len(), times(case, 2).count(), "{}", case.file);
         for row in &case.rows {
             let (ours, golden) = (case.truth(row.t_s), &row.truth);
             let error = [ours.omega - golden.omega, ours.accel - golden.accel, ours.gravity - golden.gravity];
@@ -119,14 +129,44 @@ fn our_stimuli_are_the_golden_ones() {
 #[test]
 fn every_case_at_1_ms() {
     for case in all() {
-        run_case(&case, 1000).check(&case, 1000);
+        worst_errors(&case, times(&case, 1000)).check(&case, 1000);
     }
 }
 
 #[test]
 fn every_case_at_10_ms() {
     for case in all() {
-        run_case(&case, 100).check(&case, 100);
+        worst_errors(&case, times(&case, 100)).check(&case, 100);
+    }
+}
+
+/// One step per interval with its real length: a jittery clock costs nothing.
+#[test]
+fn every_case_at_irregular_times() {
+    // 20 ms in five uneven intervals; 25 of them end on a golden row.
+    const OFFSETS_S: [f64; 5] = [0.0, 0.002, 0.009, 0.0105, 0.016];
+    for case in all() {
+        let blocks = (case.duration_s * 50.0).round() as u32;
+        let irregular = (0..blocks)
+            .flat_map(|block| OFFSETS_S.map(|offset| f64::from(block) * 0.02 + offset))
+            .chain([case.duration_s]);
+        worst_errors(&case, irregular).check(&case, 100);
+    }
+}
+
+#[test]
+fn the_ideal_observer_perceives_the_truth() {
+    for case in all().into_iter().filter(|case| case.gravity_hat.is_none()) {
+        let start = case.truth(0.0);
+        let ideal = IdealObserver::new(start.gravity, &start.motion());
+        run_case(&case, ideal, times(&case, 100), |golden, percept| {
+            let believed = &percept.perception;
+            let off = angle_between(&believed.gravity_head, &golden.truth.gravity) * DEG_PER_RAD;
+            assert!(off < 1e-2, "{} at {} s: {off:e} deg", case.file, golden.t_s);
+            assert!((believed.omega_head - golden.truth.omega).amax() < 1e-8);
+            assert!((believed.accel_head - golden.truth.accel).amax() < 2e-3, "{}", case.file);
+            assert_eq!(percept.gravity_tilt, 0.0);
+        });
     }
 }
 
@@ -144,7 +184,7 @@ fn perceive_matches_on_every_stimulus() {
         };
         std::fs::write(&args.input, head_motion_csv(&case, 100)).unwrap();
         let summary = run(&args).unwrap();
-        assert_eq!(summary.rows, u64::from(samples(&case, 100)) + 1);
+        assert_eq!(summary.rows, times(&case, 100).count() as u64);
 
         let out = std::fs::read_to_string(&args.out).unwrap();
         let mut worst = Worst::default();
@@ -162,8 +202,8 @@ fn head_motion_csv(case: &Case, rate_hz: u32) -> String {
     let mut text = "t_s,omega_x_rad_s,omega_y_rad_s,omega_z_rad_s,\
                     specific_force_x_m_s2,specific_force_y_m_s2,specific_force_z_m_s2\n"
         .to_owned();
-    for sample in 0..=samples(case, rate_hz) {
-        let HeadMotionRow { t_s, motion } = row_at(case, sample, rate_hz);
+    for t_s in times(case, rate_hz) {
+        let motion = case.truth(t_s).motion();
         let (omega, force) = (motion.omega_head, -motion.gif_head);
         let numbers = [t_s, omega.x, omega.y, omega.z, force.x, force.y, force.z];
         writeln!(text, "{}", numbers.map(|number| number.to_string()).join(",")).unwrap();

@@ -90,9 +90,9 @@ pub enum PerceiveError {
         /// The repeated column.
         column: &'static str,
     },
-    /// A value is no number, not finite, or absent.
+    /// A value is no number, not finite, absurdly large, or absent.
     #[error(
-        "{path}:{line}: column `{column}` is `{got}`, expected a finite number\n\n\
+        "{path}:{line}: column `{column}` is `{got}`, expected a finite number of sensible size\n\n\
          hint: remove the row; a gap in time is integrated across",
         path = path.display()
     )]
@@ -141,9 +141,9 @@ pub enum PerceiveError {
         /// Longest gap taken, s.
         limit: f64,
     },
-    /// Believed gravity would have no direction.
+    /// Believed gravity would have no direction, or an absurd size.
     #[error(
-        "{path}: believed gravity would start at {size:.3e} m/s², which has no direction\n\n\
+        "{path}: believed gravity would start at {size:.3e} m/s², which is no gravity\n\n\
          hint: give --initial-gravity-hat X,Y,Z in m/s², for instance 0,0,-9.80665 upright",
         path = path.display()
     )]

@@ -22,6 +22,8 @@ pub(super) const COLUMNS: [&str; 7] = [
     "specific_force_z_m_s2",
 ];
 
+/// Largest angular velocity or specific force taken, rad/s or m/s²: no sensor has it, and far below where f64 overflows.
+const LARGEST_MOTION: f64 = 1e6;
 /// Longest time between two rows, s. A table in milli- or microseconds has none shorter.
 const LONGEST_GAP_S: f64 = 600.0;
 
@@ -60,7 +62,8 @@ impl HeadMotionReader {
         let mut values = [0.0; COLUMNS.len()];
         for ((value, place), column) in values.iter_mut().zip(self.places).zip(COLUMNS) {
             let got = record.get(place).unwrap_or_default();
-            *value = got.parse().ok().filter(|number: &f64| number.is_finite()).ok_or_else(|| {
+            let largest = if column == COLUMNS[0] { f64::MAX } else { LARGEST_MOTION };
+            *value = got.parse().ok().filter(|number: &f64| number.abs() <= largest).ok_or_else(|| {
                 PerceiveError::BadValue { path: self.path.clone(), line, column, got: got.to_owned() }
             })?;
         }

@@ -65,11 +65,15 @@ fn wrong_input_is_named() {
     refused(&format!("{HEADER}\n{REST}0.02,0,NaN,0,0,0,9.8\n"), &["in.csv:4:", "`omega_y_rad_s` is `NaN`"]);
     refused(&format!("{HEADER}\n{REST}0.02,0,0,inf,0,0,9.8\n"), &["in.csv:4:", "`omega_z_rad_s` is `inf`"]);
     refused(&format!("{HEADER}\n{REST}0.02,0,0,0,0,0,9,8\n"), &["in.csv:4:", "cannot read this row"]);
+    refused(
+        &format!("{HEADER}\n{REST}0.02,1e300,0,0,0,0,9.8\n"),
+        &["in.csv:4:", "`omega_x_rad_s` is `1e300`"],
+    );
     refused(&format!("{HEADER}\n0,,0,0,0,0,9.8\n"), &["in.csv:2:", "`omega_x_rad_s` is ``"]);
     refused(&format!("{HEADER}\n{REST}0.01,0,0,0,0,0,9.8\n"), &["in.csv:4:", "0.01", "expected more than"]);
     refused(&format!("{HEADER}\n{REST}-1,0,0,0,0,0,9.8\n"), &["in.csv:4:", "-1", "expected more than"]);
     refused(&format!("{HEADER}\n{REST}10000,0,0,0,0,0,9.8\n"), &["in.csv:4:", "10000", "in seconds?"]);
-    refused(&format!("{HEADER}\n0,0,0,0,0,0,0\n"), &["in.csv", "no direction", "--initial-gravity-hat"]);
+    refused(&format!("{HEADER}\n0,0,0,0,0,0,0\n"), &["in.csv", "is no gravity", "--initial-gravity-hat"]);
 }
 
 #[test]
