@@ -5,6 +5,7 @@
 
 pub mod balance;
 pub mod character;
+pub mod cli;
 pub mod device;
 pub mod dynamics;
 pub mod hil;

@@ -11,7 +11,7 @@ use crate::dynamics::{BodyWrench, ContactSettings, PoseError, PoseSettings, stan
 use crate::hil::{ChairResidual, Turntable, TurntableSettings};
 use crate::tick::{TickInput, TickOutput};
 use crate::time::{TICK_S, Tick};
-use crate::vestibular::ObserverParameters;
+use crate::vestibular::{NewmanObserver, ObserverParameters, ParameterError};
 
 /// A push on the thorax.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -50,7 +50,7 @@ pub struct CoreSettings {
 impl Default for CoreSettings {
     fn default() -> Self {
         Self {
-            observer: ObserverParameters::seed(),
+            observer: ObserverParameters::default(),
             balance: BalanceSettings::default(),
             fall: FallSettings::default(),
             contact: ContactSettings::default(),
@@ -71,6 +71,9 @@ pub enum CoreSettingsError {
     /// A pose the model cannot take.
     #[error(transparent)]
     Pose(#[from] PoseError),
+    /// An observer that cannot run.
+    #[error(transparent)]
+    Observer(#[from] ParameterError),
     /// Another number outside its range.
     #[error("key `{key}` is {got}, allowed is {allowed}")]
     Range {
@@ -141,8 +144,9 @@ impl Core {
     pub fn new(settings: CoreSettings, model: CharacterModel) -> Result<Self, CoreSettingsError> {
         settings.check()?;
         let standing = standing_pose(&model, &settings.pose)?;
+        let observer = NewmanObserver::new(settings.observer)?;
         let (settings, model) = (Arc::new(settings), Arc::new(model));
-        let figure = |vestibular| Figure::new(vestibular, settings.clone(), model.clone(), standing);
+        let figure = |vestibular| Figure::new(vestibular, settings.clone(), model.clone(), standing, observer);
         Ok(Self {
             gravity: model.gravity,
             thorax: model.thorax,

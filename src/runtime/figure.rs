@@ -48,10 +48,10 @@ impl Figure {
         settings: Arc<CoreSettings>,
         model: Arc<CharacterModel>,
         standing: CharacterState,
+        observer: NewmanObserver,
     ) -> Self {
         let engine = Engine::new(model.clone(), settings.contact, standing);
         let controller = MomentumController::new(settings.balance, &engine);
-        let observer = NewmanObserver::new(settings.observer);
         Self {
             vestibular,
             settings,

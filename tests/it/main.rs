@@ -1,3 +1,10 @@
 //! One integration binary: everything that needs more than one module, or recorded data.
 
+// A helper of a test may fail the test.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod closed_loop;
 mod imu_logs;
+mod observer_cases;
+mod observer_golden;
+mod observer_laws;
