@@ -1,5 +1,10 @@
 //! The C header against the crate: a C program prints its constants and frames, and both must agree.
 
+#![allow(
+    clippy::unwrap_used,
+    reason = "helpers of tests: a vector that is not as described must fail the test"
+)]
+
 use std::process::Command;
 
 use otolith_firmware_protocol::can;

@@ -2,6 +2,11 @@
 //!
 //! `golden.json` is the output of the specification's `proto.py`, copied unchanged.
 
+#![allow(
+    clippy::unwrap_used,
+    reason = "helpers of tests: a vector that is not as described must fail the test"
+)]
+
 use otolith_firmware_protocol::can::{
     CanEvent, CanMessage, CanReceiver, HalfSample, Health, Identity, Ids, Ranges, Time,
 };

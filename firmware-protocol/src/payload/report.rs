@@ -5,7 +5,7 @@ use crate::MAX_PAYLOAD;
 use crate::message::{EncodeError, PayloadError, kind};
 use crate::wire::{put, take};
 
-/// HELLO: who sends, and what its counts mean. Its version byte is [`VERSION`] by construction.
+/// HELLO: who sends, and what its counts mean. Its version byte is [`VERSION`](crate::VERSION) by construction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hello<'a> {
     /// Reserved, 0; receivers ignore it.
