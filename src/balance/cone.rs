@@ -188,7 +188,8 @@ impl Cone {
         } else {
             let along = t / length;
             let ray = (self.normal + mu * along) / (1.0 + mu * mu).sqrt();
-            let across = Matrix3::identity() - self.normal * self.normal.transpose() - along * along.transpose();
+            let across =
+                Matrix3::identity() - self.normal * self.normal.transpose() - along * along.transpose();
             let s = (n + mu * length) / (1.0 + mu * mu);
             ray * ray.transpose() + (mu * s / length) * across
         }

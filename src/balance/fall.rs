@@ -44,7 +44,14 @@ pub struct FallDetector {
 
 impl FallDetector {
     /// True when the character has fallen by this tick. Non-finite numbers are a fall.
-    pub fn fallen(&mut self, settings: &FallSettings, sway: f64, com_height: f64, residual: f64, dt_s: f64) -> bool {
+    pub fn fallen(
+        &mut self,
+        settings: &FallSettings,
+        sway: f64,
+        com_height: f64,
+        residual: f64,
+        dt_s: f64,
+    ) -> bool {
         let growing = sway > settings.sway_limit_deg * RAD_PER_DEG && sway > self.last_sway;
         self.growing_s = if growing { self.growing_s + dt_s } else { 0.0 };
         self.residual_s = if residual > settings.residual_limit { self.residual_s + dt_s } else { 0.0 };

@@ -36,7 +36,8 @@ pub(super) struct Targets {
 /// Accelerations that follow `targets` as well as the static contacts allow.
 pub(super) fn solve<D: Dynamics>(body: &D, targets: &Targets, settings: &BalanceSettings) -> GenVec {
     let system = System::build(body, targets);
-    let inverse_weights = [1.0 / settings.linear_weight, 1.0 / settings.angular_weight, 1.0 / settings.posture_weight];
+    let inverse_weights =
+        [1.0 / settings.linear_weight, 1.0 / settings.angular_weight, 1.0 / settings.posture_weight];
     let mut correction = system.residual(targets);
     let mut matrix = system.weighted_square(&inverse_weights);
     cholesky_solve(&mut matrix, &mut correction, ROWS);
@@ -72,7 +73,8 @@ impl System {
         let arms = feet.map(|foot| foot - com_offset);
 
         // A unit momentum rate (l, k) moves the root as a rigid body: angular I⁻¹ k, linear at the centre l / m.
-        let column = |l: &Vector3<f64>, k: &Vector3<f64>| rigid_column(&(inverse_inertia * k), &(l / mass), &arms);
+        let column =
+            |l: &Vector3<f64>, k: &Vector3<f64>| rigid_column(&(inverse_inertia * k), &(l / mass), &arms);
         let linear = std::array::from_fn(|i| column(&Vector3::ith(i, 1.0), &Vector3::zeros()));
         let angular = std::array::from_fn(|i| column(&Vector3::zeros(), &Vector3::ith(i, 1.0)));
 

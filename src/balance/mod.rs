@@ -12,8 +12,6 @@ mod kkt;
 mod momentum;
 mod perceive;
 mod settings;
-#[cfg(test)]
-mod tests;
 
 pub use cone::{ForceDistribution, SupportForces};
 pub use fall::{FallDetector, FallSettings};

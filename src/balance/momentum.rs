@@ -51,7 +51,12 @@ impl MomentumController {
     ///
     /// Departures from the paper, all from `spec/balance.md`: the vertical row is a height PD; the desired centre of
     /// pressure is the support's centroid itself; velocities are inertial, so the reference moves with the ground.
-    fn momentum_rates(&self, ground: &GroundSurface, perceived: &PerceivedBalance, mass: f64) -> (Vector3<f64>, Vector3<f64>) {
+    fn momentum_rates(
+        &self,
+        ground: &GroundSurface,
+        perceived: &PerceivedBalance,
+        mass: f64,
+    ) -> (Vector3<f64>, Vector3<f64>) {
         let s = &self.settings;
         let centroid = perceived.support.centroid_world;
         let (com, velocity) = (perceived.com_world, perceived.com_velocity_world);
@@ -65,7 +70,11 @@ impl MomentumController {
     }
 
     /// Accelerations that keep each foot on the ground it stands on.
-    fn foot_targets<D: Dynamics>(&self, body: &D, ground: &GroundSurface) -> [(Vector3<f64>, Vector3<f64>); 2] {
+    fn foot_targets<D: Dynamics>(
+        &self,
+        body: &D,
+        ground: &GroundSurface,
+    ) -> [(Vector3<f64>, Vector3<f64>); 2] {
         let (model, kinematics) = (body.model(), body.kinematics());
         Foot::BOTH.map(|foot| {
             let index = model.feet[foot as usize];
@@ -90,7 +99,13 @@ impl MomentumController {
 
     /// Torques for the accelerations `qdd` in a world with the believed gravity (Eq. 22): the root rows become ground
     /// forces inside the friction cones, the hinge rows become torques.
-    fn torques<D: Dynamics>(&mut self, body: &D, ground: &GroundSurface, gravity: &Vector3<f64>, qdd: &GenVec) -> Control {
+    fn torques<D: Dynamics>(
+        &mut self,
+        body: &D,
+        ground: &GroundSurface,
+        gravity: &Vector3<f64>,
+        qdd: &GenVec,
+    ) -> Control {
         let (model, kinematics) = (body.model(), body.kinematics());
         let tau = body.inertias().mass_matrix.times(model, qdd)
             + body.velocity_forces().generalised
@@ -101,7 +116,8 @@ impl MomentumController {
             kinematics.contact_offset(model, i) - model.contacts[i].radius * ground.normal
         });
         let s = &self.settings;
-        let support = self.distribution.share(&points, &ground.normal, &wrench, s.friction, s.least_point_force);
+        let support =
+            self.distribution.share(&points, &ground.normal, &wrench, s.friction, s.least_point_force);
 
         let mut torques = JointVec::from_fn(|j, _| tau[6 + j]);
         for foot in Foot::BOTH {

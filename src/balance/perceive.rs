@@ -94,7 +94,8 @@ fn turn(a: &Vector2<f64>, b: &Vector2<f64>, c: &Vector2<f64>) -> f64 {
 fn distance_to_edge(a: &Vector2<f64>, b: &Vector2<f64>, point: &Vector2<f64>) -> f64 {
     let edge = b - a;
     let length_squared = edge.norm_squared();
-    let share = if length_squared > 0.0 { ((point - a).dot(&edge) / length_squared).clamp(0.0, 1.0) } else { 0.0 };
+    let share =
+        if length_squared > 0.0 { ((point - a).dot(&edge) / length_squared).clamp(0.0, 1.0) } else { 0.0 };
     (point - (a + share * edge)).norm()
 }
 
@@ -102,7 +103,11 @@ fn distance_to_edge(a: &Vector2<f64>, b: &Vector2<f64>, point: &Vector2<f64>) ->
 ///
 /// A believed gravity that points up or nearly along the ground is projected as if it stood [`LEAST_UPRIGHTNESS`]
 /// upright: by then the character has fallen, and the numbers must stay finite.
-pub fn perceive<D: Dynamics>(body: &D, ground: &GroundSurface, gravity_world: &Vector3<f64>) -> PerceivedBalance {
+pub fn perceive<D: Dynamics>(
+    body: &D,
+    ground: &GroundSurface,
+    gravity_world: &Vector3<f64>,
+) -> PerceivedBalance {
     let com = body.com();
     let (linear_momentum, angular_momentum) = body.momentum();
     let com_velocity = linear_momentum / body.inertias().composite[0].mass;

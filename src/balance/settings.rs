@@ -91,7 +91,12 @@ impl BalanceSettings {
             // The elimination of the root accelerations divides by the weights.
             require(key, got, got > 0.0 && got <= 1e6, "more than 0, at most 1e6")?;
         }
-        require("friction", self.friction, self.friction > 0.0 && self.friction <= 10.0, "more than 0, at most 10")?;
+        require(
+            "friction",
+            self.friction,
+            self.friction > 0.0 && self.friction <= 10.0,
+            "more than 0, at most 10",
+        )?;
         let least = self.least_point_force;
         require("least_point_force", least, (0.0..=40.0).contains(&least), "0 to 40 N")?;
         let limit = self.torque_limit;

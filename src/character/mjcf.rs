@@ -16,7 +16,9 @@ const CONTACT_NAMES: [&str; CONTACTS] = ["cl0", "cl1", "cl2", "cl3", "cr0", "cr1
 #[derive(Debug, thiserror::Error)]
 pub enum ModelError {
     /// The text is not XML.
-    #[error("{source_name}: not XML: {source}\n\nhint: the model file is MJCF, see configs/characters/standing.xml")]
+    #[error(
+        "{source_name}: not XML: {source}\n\nhint: the model file is MJCF, see configs/characters/standing.xml"
+    )]
     Xml {
         /// Name of the file.
         source_name: String,
@@ -24,7 +26,9 @@ pub enum ModelError {
         source: roxmltree::Error,
     },
     /// An element outside the subset.
-    #[error("{place}: element <{element}> in <{parent}> is not supported\n\nhint: supported there: {supported}")]
+    #[error(
+        "{place}: element <{element}> in <{parent}> is not supported\n\nhint: supported there: {supported}"
+    )]
     UnsupportedElement {
         /// `file:line`.
         place: String,
@@ -36,7 +40,9 @@ pub enum ModelError {
         supported: String,
     },
     /// An attribute outside the subset.
-    #[error("{place}: attribute `{attribute}` of <{element}> is not supported\n\nhint: supported: {supported}")]
+    #[error(
+        "{place}: attribute `{attribute}` of <{element}> is not supported\n\nhint: supported: {supported}"
+    )]
     UnsupportedAttribute {
         /// `file:line`.
         place: String,
@@ -62,8 +68,10 @@ pub enum ModelError {
         expected: String,
     },
     /// The file is well formed but is not a character otolith can balance.
-    #[error("{source_name}: {what}\n\nhint: a character has 19 bodies, a free root and 35 hinges, feet `foot_l` and \
-             `foot_r` with the contact spheres cl0..cl3 and cr0..cr3, a `head` with the site `vestibule`, and a `thorax`")]
+    #[error(
+        "{source_name}: {what}\n\nhint: a character has 19 bodies, a free root and 35 hinges, feet `foot_l` and \
+             `foot_r` with the contact spheres cl0..cl3 and cr0..cr3, a `head` with the site `vestibule`, and a `thorax`"
+    )]
     Shape {
         /// Name of the file.
         source_name: String,
@@ -111,7 +119,11 @@ pub(super) fn load(text: &str, source: &str) -> Result<CharacterModel, ModelErro
             "option" => loader.option(section)?,
             "default" => loader.default(section)?,
             "worldbody" | "actuator" | "sensor" => {}
-            _ => return Err(section.unsupported("mujoco", "compiler, option, default, worldbody, actuator, sensor")),
+            _ => {
+                return Err(
+                    section.unsupported("mujoco", "compiler, option, default, worldbody, actuator, sensor")
+                );
+            }
         }
     }
     for section in root.children() {
@@ -215,7 +227,10 @@ impl Loader<'_> {
                 "geom" => self.geom(child, Some(index))?,
                 "site" => self.site(child, index)?,
                 "body" => self.body(child, Some(index))?,
-                _ => return Err(child.unsupported("body", "inertial, freejoint (root), joint (others), geom, site, body")),
+                _ => {
+                    return Err(child
+                        .unsupported("body", "inertial, freejoint (root), joint (others), geom, site, body"));
+                }
             }
         }
         if self.bodies[index].dofs == 0 && parent.is_none() {
@@ -230,7 +245,8 @@ impl Loader<'_> {
             return Err(element.bad_value("type", "hinge"));
         }
         let axis = element.vector("axis")?.unwrap_or_else(Vector3::z);
-        let axis = axis.try_normalize(1e-9).ok_or_else(|| element.bad_value("axis", "a vector that is not zero"))?;
+        let axis =
+            axis.try_normalize(1e-9).ok_or_else(|| element.bad_value("axis", "a vector that is not zero"))?;
         let unit = if self.radians { 1.0 } else { RAD_PER_DEG };
         let range = element.numbers("range", 2)?.map(|r| (r[0] * unit, r[1] * unit));
         if range.is_some_and(|(low, high)| low >= high) {
@@ -357,7 +373,8 @@ impl Loader<'_> {
         for foot in feet {
             let chain = model.body_chain(foot).len();
             if chain != super::FOOT_CHAIN {
-                let what = format!("`{}` hangs on {chain} degrees of freedom, expected 12", model.bodies[foot].name);
+                let what =
+                    format!("`{}` hangs on {chain} degrees of freedom, expected 12", model.bodies[foot].name);
                 return Err(ModelError::Shape { source_name: self.source.to_owned(), what });
             }
         }
@@ -375,7 +392,8 @@ fn read_inertial(element: Element) -> Result<(f64, Vector3<f64>, Matrix3<f64>), 
     let mass = element.scalar("mass")?.filter(|mass| *mass > 0.0);
     let mass = mass.ok_or_else(|| element.bad_value("mass", "more than 0 kg"))?;
     let diagonal = element.vector("diaginertia")?.filter(|d| d.min() > 0.0);
-    let diagonal = diagonal.ok_or_else(|| element.bad_value("diaginertia", "three moments of more than 0 kg m2"))?;
+    let diagonal =
+        diagonal.ok_or_else(|| element.bad_value("diaginertia", "three moments of more than 0 kg m2"))?;
     let rotation = element.rotation()?;
     let inertia = rotation * Matrix3::from_diagonal(&diagonal) * rotation.transpose();
     Ok((mass, element.vector("pos")?.unwrap_or_default(), inertia))
@@ -391,12 +409,8 @@ struct DofTree {
 
 impl DofTree {
     fn of(bodies: &[Body]) -> Self {
-        let mut tree = Self {
-            parent: [0; DOF],
-            chain: [[0; MAX_CHAIN]; DOF],
-            chain_len: [0; DOF],
-            body: [0; DOF],
-        };
+        let mut tree =
+            Self { parent: [0; DOF], chain: [[0; MAX_CHAIN]; DOF], chain_len: [0; DOF], body: [0; DOF] };
         let mut last_dof_of_body = [0usize; BODIES];
         for (index, body) in bodies.iter().enumerate() {
             let mut previous = if index == 0 { 0 } else { last_dof_of_body[body.parent] };

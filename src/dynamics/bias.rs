@@ -23,13 +23,18 @@ impl Default for VelocityForces {
 }
 
 /// `C(q, q̇)` by one backward pass over the velocity-product accelerations found by the kinematics.
-pub fn velocity_forces(model: &CharacterModel, kinematics: &Kinematics, inertias: &Inertias) -> VelocityForces {
-    let (generalised, momentum_rate) = backward_pass(model, kinematics, inertias, &kinematics.bias_acceleration);
+pub(super) fn velocity_forces(
+    model: &CharacterModel,
+    kinematics: &Kinematics,
+    inertias: &Inertias,
+) -> VelocityForces {
+    let (generalised, momentum_rate) =
+        backward_pass(model, kinematics, inertias, &kinematics.bias_acceleration);
     VelocityForces { generalised, momentum_rate }
 }
 
 /// Inverse dynamics: `tau = M qdd + C(q, q̇) + G(q)` for the stated acceleration, armature included, no contact.
-pub fn inverse_dynamics(
+pub(super) fn inverse_dynamics(
     model: &CharacterModel,
     kinematics: &Kinematics,
     inertias: &Inertias,

@@ -75,7 +75,7 @@ impl Default for ContactMemory {
 
 /// Scratch of the contact stage.
 #[derive(Clone, Debug)]
-pub struct ContactStage {
+pub(super) struct ContactStage {
     /// `L⁻ᵀ Jᵀ` of each foot's spatial velocity: `(FOOT_CHAIN x 6)`.
     half: [[[f64; 6]; FOOT_CHAIN]; 2],
     /// `J M⁻¹ Jᵀ` of the feet's spatial velocities: blocks left-left, left-right, right-right.
@@ -85,7 +85,7 @@ pub struct ContactStage {
     /// Lowest point of each sphere relative to the reference point, m.
     offset: [Vector3<f64>; CONTACTS],
     /// The problem handed to the solver.
-    pub problem: ContactProblem,
+    pub(super) problem: ContactProblem,
 }
 
 impl Default for ContactStage {
@@ -140,7 +140,11 @@ impl ContactStage {
             self.rows[i] = point_rows(&axes, &offset);
             let free = feet_velocity[foot as usize].at(&offset) - ground.velocity_after(&world, dt_s);
             let mut b = axes * free;
-            b.z += if gap >= 0.0 { gap / dt_s } else { -(-gap * settings.error_reduction / dt_s).min(settings.push_out_limit) };
+            b.z += if gap >= 0.0 {
+                gap / dt_s
+            } else {
+                -(-gap * settings.error_reduction / dt_s).min(settings.push_out_limit)
+            };
             if let Some(anchor) = memory.anchor[i] {
                 let drift = axes * (world - ground.rot_world_surface * anchor);
                 b.x += settings.anchor_gain * drift.x / dt_s;
@@ -158,7 +162,14 @@ impl ContactStage {
             let half = &mut self.half[foot as usize];
             for (row, &dof) in half.iter_mut().zip(chain) {
                 let axis = &kinematics.axis[dof];
-                *row = [axis.angular.x, axis.angular.y, axis.angular.z, axis.linear.x, axis.linear.y, axis.linear.z];
+                *row = [
+                    axis.angular.x,
+                    axis.angular.y,
+                    axis.angular.z,
+                    axis.linear.x,
+                    axis.linear.y,
+                    axis.linear.z,
+                ];
             }
             factor.half_solve_chain(model, chain, half);
         }
@@ -183,7 +194,13 @@ impl ContactStage {
     }
 
     /// Spatial velocity of a foot after the step without contact impulses.
-    fn free_velocity(&self, model: &CharacterModel, kinematics: &Kinematics, foot: Foot, half_increment: &GenVec) -> Motion {
+    fn free_velocity(
+        &self,
+        model: &CharacterModel,
+        kinematics: &Kinematics,
+        foot: Foot,
+        half_increment: &GenVec,
+    ) -> Motion {
         let body = model.feet[foot as usize];
         let mut sum = [0.0; 6];
         for (row, &dof) in self.half[foot as usize].iter().zip(model.body_chain(body)) {
@@ -191,8 +208,10 @@ impl ContactStage {
                 *total += entry * half_increment[dof];
             }
         }
-        let increment =
-            Motion { angular: Vector3::new(sum[0], sum[1], sum[2]), linear: Vector3::new(sum[3], sum[4], sum[5]) };
+        let increment = Motion {
+            angular: Vector3::new(sum[0], sum[1], sum[2]),
+            linear: Vector3::new(sum[3], sum[4], sum[5]),
+        };
         kinematics.velocity[body].plus_scaled(1.0, &increment)
     }
 
@@ -202,7 +221,11 @@ impl ContactStage {
         for i in (0..CONTACTS).filter(|i| active[*i]) {
             let foot_i = Foot::of_contact(i) as usize;
             // j <= i, so the feet come in the order (0,0), (1,0) or (1,1); block 1 is left-right.
-            let with_left = if foot_i == 0 { self.rows[i] * self.blocks[0] } else { self.rows[i] * self.blocks[1].transpose() };
+            let with_left = if foot_i == 0 {
+                self.rows[i] * self.blocks[0]
+            } else {
+                self.rows[i] * self.blocks[1].transpose()
+            };
             let with_right = self.rows[i] * self.blocks[2];
             for j in (0..=i).filter(|j| active[*j]) {
                 let product = if Foot::of_contact(j) == Foot::Left { &with_left } else { &with_right };
@@ -244,7 +267,8 @@ impl ContactStage {
             memory.impulse[i] = impulse;
             points[i] = PointContact { force: axes.transpose() * impulse / dt_s, position, active };
             let tangential = libm::hypot(impulse.x, impulse.y);
-            let sticking = active && impulse.z > 0.0 && tangential < ground.friction * impulse.z * (1.0 - 1e-6);
+            let sticking =
+                active && impulse.z > 0.0 && tangential < ground.friction * impulse.z * (1.0 - 1e-6);
             memory.anchor[i] = if sticking {
                 memory.anchor[i].or_else(|| Some(ground.rot_world_surface.transpose() * position))
             } else {

@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 use crate::character::CONTACTS;
 
 /// Rows of one contact point: two tangents, then the normal.
-pub const POINT_ROWS: usize = 3;
+pub(super) const POINT_ROWS: usize = 3;
 /// All rows.
 const ROWS: usize = POINT_ROWS * CONTACTS;
 /// Rounds of dropping pulling points before the iterative solver takes over.
@@ -31,17 +31,17 @@ pub enum ContactMethod {
 
 /// `A λ + b` with `λ_n >= 0`, `|λ_t| <= μ λ_n`. Rows of point `i` are `3 i ..= 3 i + 2`.
 #[derive(Clone, Debug)]
-pub struct ContactProblem {
+pub(super) struct ContactProblem {
     /// Points that take part.
-    pub active: [bool; CONTACTS],
+    pub(super) active: [bool; CONTACTS],
     /// Symmetric `(24 x 24)`, both triangles filled for active points.
     matrix: [[f64; ROWS]; ROWS],
     /// Velocity b of each point without impulses, contact axes, m/s, position correction included.
-    pub offset_velocity: [Vector3<f64>; CONTACTS],
+    pub(super) offset_velocity: [Vector3<f64>; CONTACTS],
     /// Solution and warm start, contact axes, N s.
-    pub impulse: [Vector3<f64>; CONTACTS],
+    pub(super) impulse: [Vector3<f64>; CONTACTS],
     /// Coulomb friction coefficient.
-    pub friction: f64,
+    pub(super) friction: f64,
     /// Compact scratch of the direct solver, lower triangle row by row.
     scratch: [[f64; ROWS]; ROWS],
 }
@@ -97,7 +97,7 @@ impl ContactProblem {
     }
 
     /// Solves in place; `impulse` holds the warm start on entry and the solution on return.
-    pub fn solve(&mut self, sweeps: usize) -> ContactMethod {
+    pub(super) fn solve(&mut self, sweeps: usize) -> ContactMethod {
         if !self.active.contains(&true) {
             return ContactMethod::None;
         }
@@ -173,11 +173,8 @@ impl ContactProblem {
             for i in (0..CONTACTS).filter(|i| self.active[*i]) {
                 let velocity = self.velocity(i);
                 let sticking = self.impulse[i] - inverse[i] * velocity;
-                self.impulse[i] = if inside_cone(&sticking, self.friction) {
-                    sticking
-                } else {
-                    self.slide(i, &velocity)
-                };
+                self.impulse[i] =
+                    if inside_cone(&sticking, self.friction) { sticking } else { self.slide(i, &velocity) };
             }
         }
     }

@@ -40,8 +40,14 @@ impl Engine {
     /// An engine at `state`.
     pub fn new(model: Arc<CharacterModel>, settings: ContactSettings, state: CharacterState) -> Self {
         let work = Box::default();
-        let mut engine =
-            Self { model, settings, state, memory: ContactMemory::default(), work, report: StepReport::default() };
+        let mut engine = Self {
+            model,
+            settings,
+            state,
+            memory: ContactMemory::default(),
+            work,
+            report: StepReport::default(),
+        };
         engine.refresh();
         engine
     }
@@ -57,7 +63,8 @@ impl Engine {
     fn external_force(&self, wrench: &BodyWrench) -> GenVec {
         let kinematics = &self.work.kinematics;
         let arm = kinematics.com_offset[wrench.body];
-        let about_reference = Wrench { moment: wrench.moment + arm.cross(&wrench.force), force: wrench.force };
+        let about_reference =
+            Wrench { moment: wrench.moment + arm.cross(&wrench.force), force: wrench.force };
         let mut force = GenVec::zeros();
         for &dof in self.model.body_chain(wrench.body) {
             force[dof] = kinematics.axis[dof].dot(&about_reference);
@@ -82,7 +89,8 @@ impl Engine {
         factor.factor(model, &inertias.mass_matrix, addition.as_ref());
 
         let mut change = *passive;
-        let torque = motors.explicit_torque(&input.motors) - motors.start_drag(&input.motors, &self.state.velocity);
+        let torque =
+            motors.explicit_torque(&input.motors) - motors.start_drag(&input.motors, &self.state.velocity);
         for (j, t) in torque.iter().enumerate() {
             change[6 + j] += t;
         }
@@ -92,7 +100,16 @@ impl Engine {
             change[k] *= factor.inverse_diagonal[k];
         }
         contacts.problem.impulse = self.memory.impulse;
-        contacts.assemble(model, kinematics, factor, &input.ground, &self.settings, &self.memory, &change, input.dt_s);
+        contacts.assemble(
+            model,
+            kinematics,
+            factor,
+            &input.ground,
+            &self.settings,
+            &self.memory,
+            &change,
+            input.dt_s,
+        );
         self.report.contact_method = contacts.problem.solve(self.settings.sweeps);
         if self.report.contact_method != ContactMethod::None {
             contacts.apply(model, factor, &mut change);
@@ -165,7 +182,8 @@ impl Simulator for Engine {
         self.report.qdd = (velocity - self.state.velocity) / input.dt_s;
         self.report.head = self.head_signals(&self.report.qdd);
         let work = &self.work;
-        self.report.contacts = work.contacts.finish(&work.kinematics, &input.ground, &mut self.memory, input.dt_s);
+        self.report.contacts =
+            work.contacts.finish(&work.kinematics, &input.ground, &mut self.memory, input.dt_s);
         self.integrate(&velocity, input.dt_s);
         self.refresh();
         &self.report

@@ -124,7 +124,12 @@ impl Kinematics {
     }
 
     /// Acceleration of the point at `offset` on `body` whose spatial acceleration is `acceleration`.
-    pub fn point_acceleration(&self, body: usize, acceleration: &Motion, offset: &Vector3<f64>) -> Vector3<f64> {
+    pub fn point_acceleration(
+        &self,
+        body: usize,
+        acceleration: &Motion,
+        offset: &Vector3<f64>,
+    ) -> Vector3<f64> {
         let velocity = &self.velocity[body];
         acceleration.at(offset) + velocity.angular.cross(&velocity.at(offset))
     }

@@ -24,8 +24,8 @@ mod tests;
 
 pub use bias::VelocityForces;
 pub use contact::{ContactMemory, ContactSettings, PointContact};
-pub(crate) use contact_solver::cholesky_solve;
 pub use contact_solver::ContactMethod;
+pub(crate) use contact_solver::cholesky_solve;
 pub use engine::Engine;
 pub use factor::TreeFactor;
 pub use ground::GroundSurface;
@@ -221,4 +221,3 @@ impl StepReport {
         (load > COP_LOAD_LIMIT).then(|| moment / load)
     }
 }
-

@@ -50,10 +50,18 @@ impl MotorSet {
 
     /// Implicit PD toward `target` with gains `kp`, `kd` and torque limit: the spring and damper act at the end of the
     /// step, which is stable at any stiffness.
-    pub fn implicit_pd(state: &CharacterState, target: &JointVec, kp: &JointVec, kd: &JointVec, limit: f64, dt_s: f64) -> Self {
+    pub fn implicit_pd(
+        state: &CharacterState,
+        target: &JointVec,
+        kp: &JointVec,
+        kd: &JointVec,
+        limit: f64,
+        dt_s: f64,
+    ) -> Self {
         let damping = kd + dt_s * kp;
         let spring = kp.component_mul(&(target - state.joint_angles));
-        let target_rate = JointVec::from_fn(|j, _| if damping[j] > 0.0 { spring[j] / damping[j] } else { 0.0 });
+        let target_rate =
+            JointVec::from_fn(|j, _| if damping[j] > 0.0 { spring[j] / damping[j] } else { 0.0 });
         Self { damping, target_rate, torque: JointVec::zeros(), torque_limit: JointVec::repeat(limit) }
     }
 }
@@ -81,7 +89,13 @@ impl MotorSolve {
         for (j, joint) in model.joints.iter().enumerate() {
             let Some((low, high)) = joint.range else { continue };
             let angle = state.joint_angles[j];
-            let outside = if angle < low { angle - low } else if angle > high { angle - high } else { continue };
+            let outside = if angle < low {
+                angle - low
+            } else if angle > high {
+                angle - high
+            } else {
+                continue;
+            };
             limit_damping[j] = LIMIT_DAMPING + dt_s * LIMIT_STIFFNESS;
             limit_torque[j] = -LIMIT_STIFFNESS * outside;
         }

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use crate::character::{CONTACTS, CharacterModel, CharacterState, DOF};
 use super::Kinematics;
+use crate::character::{CONTACTS, CharacterModel, CharacterState, DOF};
 
 /// How the character stands at the start.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]

@@ -108,7 +108,12 @@ impl CoreSettings {
             ("contact.anchor_gain", contact.anchor_gain, 0.0..=1.0, "0 to 1"),
             ("contact.sweeps", contact.sweeps as f64, 1.0..=1000.0, "1 to 1000"),
             ("turntable.filter_s", self.turntable.filter_s, 0.0..=1.0, "0 to 1 s"),
-            ("turntable.recovery_acceleration", self.turntable.recovery_acceleration, 0.01..=100.0, "0.01 to 100 rad/s2"),
+            (
+                "turntable.recovery_acceleration",
+                self.turntable.recovery_acceleration,
+                0.01..=100.0,
+                "0.01 to 100 rad/s2",
+            ),
             ("respawn_after_s", self.respawn_after_s.unwrap_or(1.0), 0.0..=3600.0, "0 to 3600 s"),
             ("push.start_s", self.push.map_or(0.0, |p| p.start_s), 0.0..=1e6, "0 to 1e6 s"),
             ("push.duration_s", self.push.map_or(0.1, |p| p.duration_s), 1e-3..=10.0, "0.001 to 10 s"),
@@ -146,7 +151,8 @@ impl Core {
         let standing = standing_pose(&model, &settings.pose)?;
         let observer = NewmanObserver::new(settings.observer)?;
         let (settings, model) = (Arc::new(settings), Arc::new(model));
-        let figure = |vestibular| Figure::new(vestibular, settings.clone(), model.clone(), standing, observer);
+        let figure =
+            |vestibular| Figure::new(vestibular, settings.clone(), model.clone(), standing, observer);
         Ok(Self {
             gravity: model.gravity,
             thorax: model.thorax,

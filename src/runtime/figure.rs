@@ -7,7 +7,9 @@ use nalgebra::{Matrix3, Vector3};
 use super::core::CoreSettings;
 use crate::balance::{BalanceController, Control, ControlReport, FallDetector, MomentumController, perceive};
 use crate::character::{CharacterModel, CharacterState, JointVec};
-use crate::dynamics::{BodyWrench, Dynamics, Engine, GroundSurface, HeadSignals, MotorSet, Simulator, StepInput};
+use crate::dynamics::{
+    BodyWrench, Dynamics, Engine, GroundSurface, HeadSignals, MotorSet, Simulator, StepInput,
+};
 use crate::hil::{ChairResidual, compose};
 use crate::tick::{CharacterOutput, PlatformMotion, Posture};
 use crate::time::TICK_S;
@@ -102,8 +104,12 @@ impl Figure {
                 self.stand_up(platform.angle, platform.rate);
             }
         }
-        let ground =
-            GroundSurface::turntable(platform.angle, platform.rate, platform.acceleration, self.model.friction);
+        let ground = GroundSurface::turntable(
+            platform.angle,
+            platform.rate,
+            platform.acceleration,
+            self.model.friction,
+        );
         self.sense(&ground, residual);
         let gravity_believed = self.gravity_believed();
         let trusted = match self.vestibular {
@@ -139,7 +145,8 @@ impl Figure {
             gravity_tilt: angle_between(&gravity_believed, &self.model.gravity),
             com_platform: to_platform * com,
             com_sway: sway,
-            cop_platform: cop.map(|cop| (to_platform * Vector3::new(cop.x - centroid.x, cop.y - centroid.y, 0.0)).xy()),
+            cop_platform: cop
+                .map(|cop| (to_platform * Vector3::new(cop.x - centroid.x, cop.y - centroid.y, 0.0)).xy()),
             constraint_residual: report.constraint_residual,
             saturated_joints: report.saturated_joints,
             posture: self.posture,
@@ -164,7 +171,10 @@ impl Figure {
         let rot_world_head = self.rot_world_head();
         let kinematics = self.engine.kinematics();
         let omega_head = rot_world_head.transpose() * kinematics.velocity[self.model.head].angular;
-        let resting = HeadSignals { omega_head, specific_force_head: -(rot_world_head.transpose() * self.model.gravity) };
+        let resting = HeadSignals {
+            omega_head,
+            specific_force_head: -(rot_world_head.transpose() * self.model.gravity),
+        };
         if !self.observer_started {
             // Before the first step there is no acceleration yet.
             let motion = compose(&resting, residual, &rot_world_head, &ground.rot_world_surface);

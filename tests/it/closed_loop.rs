@@ -92,7 +92,8 @@ fn run(settings: CoreSettings, chair: Option<Chair>, duration_s: f64, from_s: f6
     for k in 0..(duration_s * 1000.0) as u64 {
         let tick = Tick(k);
         let rate = chair.map_or(0.0, |c| c.rate(tick.time_s()));
-        let motion = HeadMotion { omega_head: Vector3::new(0.0, 0.0, rate), gif_head: Vector3::new(0.0, 0.0, -9.81) };
+        let motion =
+            HeadMotion { omega_head: Vector3::new(0.0, 0.0, rate), gif_head: Vector3::new(0.0, 0.0, -9.81) };
         let input = TickInput { tick, chair: Some(motion), link: LinkHealth::Live, respawn: false };
         let output = core.step(&input);
         green.see(tick.time_s(), from_s, spin, &output.green);

@@ -103,7 +103,11 @@ fn inverse_dynamics_and_vestibular_signals() {
         let head = engine.head_signals(&qdd);
         let vestibule = &golden["vestibule"];
         all_close("gyro", head.omega_head.iter().copied(), &numbers(&vestibule["gyro"]));
-        all_close("accelerometer", head.specific_force_head.iter().copied(), &numbers(&vestibule["accelerometer"]));
+        all_close(
+            "accelerometer",
+            head.specific_force_head.iter().copied(),
+            &numbers(&vestibule["accelerometer"]),
+        );
         let position = engine.kinematics().origin + engine.kinematics().vestibule_offset(engine.model());
         all_close("vestibule", position.iter().copied(), &numbers(&vestibule["pos"]));
     });
