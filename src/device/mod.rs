@@ -1,13 +1,37 @@
 //! Raw traffic of a device, without meaning: bytes of a serial line, frames of a CAN bus.
 //!
 //! A [`Link`] delivers [`Traffic`] with its arrival time; a [`protocol::PacketDecoder`] turns it into
-//! [`protocol::ImuReading`]s. Live port, recording and mock differ only in the `Link`.
+//! [`protocol::ImuReading`]s. Live port, recording and mock differ only in the `Link`; reconnecting, recording, pacing
+//! and injecting faults are middleware over any of them, and every middleware forwards `send` and `status`.
 
+use std::io;
+use std::sync::Arc;
 use std::time::Duration;
 
-use crate::time::HostTime;
+use crate::time::{Clock, HostTime};
 
+pub mod bandwidth;
+mod buffer;
+pub mod can;
+pub mod discover;
+mod error;
+pub mod fault;
+pub mod mock;
+mod noise;
+pub mod pacer;
 pub mod protocol;
+pub mod reconnect;
+pub mod recorder;
+pub mod replay;
+pub mod selector;
+pub mod serial;
+#[cfg(test)]
+mod testing;
+
+pub use error::DeviceError;
+pub use noise::Noise;
+pub use replay::LineStamper;
+pub use selector::Selector;
 
 /// One piece of raw traffic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,11 +58,33 @@ pub enum LinkError {
         /// Name of the port as the user gave it.
         port: String,
         /// What the operating system said.
-        source: std::io::Error,
+        source: io::Error,
     },
     /// A finite source is exhausted: the normal end of a replay or of a mock run.
     #[error("end of recording")]
     EndOfRecording,
+}
+
+/// State and losses of a link since it was opened. Read it after each `receive`; a change is an event to note.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct LinkStatus {
+    /// True while the connection is down and reopening is tried.
+    pub down: bool,
+    /// What the operating system said when the connection was last lost.
+    #[serde(skip)]
+    pub last_loss: Option<io::ErrorKind>,
+    /// Times the connection was lost.
+    pub losses: u64,
+    /// Times it was reopened after a loss.
+    pub reconnects: u64,
+    /// Bytes of a recording that are no traffic: malformed lines of a candump log.
+    pub bytes_skipped: u64,
+    /// Error frames of a CAN bus (of any class), and the read errors of an interface that is down.
+    pub bus_errors: u64,
+    /// The CAN error frames among `bus_errors` that said bus off.
+    pub bus_off: u64,
+    /// Writes that were given up because the device or bus did not take them in time.
+    pub unsent: u64,
 }
 
 /// A source of raw traffic.
@@ -58,6 +104,11 @@ pub trait Link: Send {
     fn send(&mut self, _traffic: Traffic<'_>) -> Result<(), LinkError> {
         Ok(())
     }
+
+    /// State and losses so far. Middleware passes on, and adds to, what it wraps.
+    fn status(&self) -> LinkStatus {
+        LinkStatus::default()
+    }
 }
 
 impl<L: Link + ?Sized> Link for Box<L> {
@@ -67,5 +118,41 @@ impl<L: Link + ?Sized> Link for Box<L> {
 
     fn send(&mut self, traffic: Traffic<'_>) -> Result<(), LinkError> {
         (**self).send(traffic)
+    }
+
+    fn status(&self) -> LinkStatus {
+        (**self).status()
+    }
+}
+
+/// Opens what `selector` names.
+///
+/// Ports and CAN interfaces reconnect by themselves after a loss. Recordings and mocks deliver as fast as they are
+/// asked; wrap them in [`pacer::Paced`] for real time. `stamp_line` reads the time of a line of a text log; without
+/// it, lines are stamped as a serial line of the selector's baud rate would deliver them.
+///
+/// # Errors
+/// [`DeviceError`] when the device cannot be opened now: a device that is absent from the start is the user's to
+/// fix, one that goes away later is not.
+pub fn open(
+    selector: &Selector,
+    clock: &Arc<dyn Clock>,
+    stamp_line: Option<LineStamper>,
+) -> Result<Box<dyn Link>, DeviceError> {
+    match selector {
+        Selector::Serial { port, baud } => {
+            let (port, baud, clock) = (port.clone(), *baud, Arc::clone(clock));
+            let reopen_clock = Arc::clone(&clock);
+            let opener = move || serial::SerialLink::open(&port, baud, Arc::clone(&reopen_clock));
+            Ok(Box::new(reconnect::Reconnecting::open(opener, clock)?))
+        }
+        Selector::Can { interface, .. } => {
+            let (interface, clock) = (interface.clone(), Arc::clone(clock));
+            let reopen_clock = Arc::clone(&clock);
+            let opener = move || can::CanLink::open(&interface, Arc::clone(&reopen_clock));
+            Ok(Box::new(reconnect::Reconnecting::open(opener, clock)?))
+        }
+        Selector::Replay { path, kind, baud } => replay::open(path, *kind, *baud, stamp_line),
+        Selector::Mock(params) => Ok(Box::new(mock::MockChair::new(params.clone())?)),
     }
 }

@@ -8,3 +8,5 @@ mod imu_logs;
 mod observer_cases;
 mod observer_golden;
 mod observer_laws;
+#[cfg(unix)]
+mod pty;

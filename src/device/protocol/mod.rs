@@ -5,6 +5,14 @@ use nalgebra::Vector3;
 use super::Traffic;
 
 pub mod text;
+pub mod detect;
+mod drops;
+pub mod native_can;
+pub mod native_serial;
+mod sync;
+
+use drops::DropCount;
+pub use sync::SyncEstimate;
 
 /// A device's own clock at the moment of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,8 +65,41 @@ pub trait PacketDecoder: Send {
     fn announced_rate_hz(&self) -> Option<f64> {
         None
     }
-    /// Bytes to write to the device now (a clock or identity request), or `None`. Called after `push`.
+    /// Least number of bytes the serial line carries per sample, as far as is known; `None` before the device has
+    /// identified itself, or where the line's speed does not matter. For [`super::bandwidth::check_serial`].
+    fn wire_bytes_per_sample(&self) -> Option<f64> {
+        None
+    }
+    /// Bytes to write to the device now (a clock or identity request), or `None`.
+    ///
+    /// Called after `push`, with the arrival time of what was pushed, µs: an answer in it is rated with that time.
     fn poll_transmit(&mut self, _host_time_us: u64, _out: &mut [u8; 64]) -> Option<usize> {
         None
+    }
+    /// The connection was lost and is back: forgets the unfinished frame, keeps counters and identity.
+    fn rejoin(&mut self) {}
+}
+
+impl PacketDecoder for Box<dyn PacketDecoder> {
+    fn protocol(&self) -> &'static str {
+        (**self).protocol()
+    }
+    fn push(&mut self, traffic: Traffic<'_>, on_reading: &mut dyn FnMut(ImuReading)) {
+        (**self).push(traffic, on_reading);
+    }
+    fn counters(&self) -> DecodeCounters {
+        (**self).counters()
+    }
+    fn announced_rate_hz(&self) -> Option<f64> {
+        (**self).announced_rate_hz()
+    }
+    fn wire_bytes_per_sample(&self) -> Option<f64> {
+        (**self).wire_bytes_per_sample()
+    }
+    fn poll_transmit(&mut self, host_time_us: u64, out: &mut [u8; 64]) -> Option<usize> {
+        (**self).poll_transmit(host_time_us, out)
+    }
+    fn rejoin(&mut self) {
+        (**self).rejoin();
     }
 }

@@ -1,0 +1,257 @@
+//! What could be opened here: serial ports and CAN interfaces. Nothing is opened to find out.
+
+use serde::Serialize;
+use serialport::SerialPortType;
+
+/// Identity of a USB device.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct UsbIdentity {
+    /// Vendor id.
+    pub vid: u16,
+    /// Product id.
+    pub pid: u16,
+    /// Serial number.
+    pub serial_number: Option<String>,
+    /// Name of the maker.
+    pub manufacturer: Option<String>,
+    /// Name of the product.
+    pub product: Option<String>,
+}
+
+/// What a port is.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase", tag = "kind")]
+pub enum PortKind {
+    /// A serial port.
+    Serial {
+        /// Its USB device, if it is one.
+        usb: Option<UsbIdentity>,
+    },
+    /// A SocketCAN interface.
+    Can {
+        /// True when it is up. The system decides who may bring it up; anybody may listen.
+        up: bool,
+    },
+}
+
+/// Whether this process may open a port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Access {
+    /// It may.
+    Granted,
+    /// It may not; on Linux, joining the group of the device (`dialout`) usually helps.
+    Denied,
+    /// This system does not tell without opening.
+    Unknown,
+}
+
+/// One port or interface.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct DiscoveredPort {
+    /// Selector that opens it, such as `serial:/dev/ttyUSB0`.
+    pub selector: String,
+    /// Kind and identity.
+    #[serde(flatten)]
+    pub kind: PortKind,
+    /// Whether this process may open it.
+    pub access: Access,
+}
+
+/// Lists serial ports and CAN interfaces, by selector. An empty list is an answer, not an error.
+///
+/// Ports are judged by their permissions, not by opening them: opening a port raises DTR, which resets many boards.
+pub fn discover() -> Vec<DiscoveredPort> {
+    let mut ports: Vec<DiscoveredPort> = serialport::available_ports()
+        .unwrap_or_default()
+        .into_iter()
+        .map(|info| {
+            let access = access(&info.port_name);
+            let usb = match info.port_type {
+                SerialPortType::UsbPort(usb) => Some(UsbIdentity {
+                    vid: usb.vid,
+                    pid: usb.pid,
+                    serial_number: usb.serial_number,
+                    manufacturer: usb.manufacturer,
+                    product: usb.product,
+                }),
+                _ => None,
+            };
+            DiscoveredPort {
+                selector: format!("serial:{}", info.port_name),
+                kind: PortKind::Serial { usb },
+                access,
+            }
+        })
+        .collect();
+    ports.extend(can_interfaces());
+    ports.sort_by(|a, b| a.selector.cmp(&b.selector));
+    ports
+}
+
+#[cfg(not(target_os = "linux"))]
+fn can_interfaces() -> Vec<DiscoveredPort> {
+    Vec::new()
+}
+
+#[cfg(not(target_os = "linux"))]
+fn access(_port: &str) -> Access {
+    Access::Unknown
+}
+
+#[cfg(target_os = "linux")]
+use linux::{access, can_interfaces};
+
+#[cfg(target_os = "linux")]
+mod linux {
+    use std::fs;
+    use std::os::unix::fs::MetadataExt;
+    use std::path::Path;
+
+    use super::{Access, DiscoveredPort, PortKind};
+
+    /// `ARPHRD_CAN`: hardware type of a CAN interface.
+    const CAN_HARDWARE_TYPE: &str = "280";
+    /// `IFF_UP`: the interface is up. (`operstate` is no help: virtual CAN always says "unknown".)
+    const UP_FLAG: u32 = 1;
+
+    pub(super) fn can_interfaces() -> Vec<DiscoveredPort> {
+        interfaces_below(Path::new("/sys/class/net"))
+    }
+
+    pub(super) fn interfaces_below(folder: &Path) -> Vec<DiscoveredPort> {
+        let Ok(entries) = fs::read_dir(folder) else { return Vec::new() };
+        let mut found = Vec::new();
+        for entry in entries.flatten() {
+            let read = |name: &str| fs::read_to_string(entry.path().join(name)).unwrap_or_default();
+            if read("type").trim() != CAN_HARDWARE_TYPE {
+                continue;
+            }
+            let flags = read("flags");
+            let flags = u32::from_str_radix(flags.trim().trim_start_matches("0x"), 16).unwrap_or(0);
+            found.push(DiscoveredPort {
+                selector: format!("can:{}", entry.file_name().to_string_lossy()),
+                kind: PortKind::Can { up: flags & UP_FLAG != 0 },
+                access: Access::Granted,
+            });
+        }
+        found
+    }
+
+    pub(super) fn access(port: &str) -> Access {
+        let (Ok(metadata), Ok(status)) = (fs::metadata(port), fs::read_to_string("/proc/self/status")) else {
+            return Access::Unknown;
+        };
+        let Some(process) = Credentials::parse(&status) else { return Access::Unknown };
+        if process.may_read_and_write(metadata.mode(), metadata.uid(), metadata.gid()) {
+            Access::Granted
+        } else {
+            Access::Denied
+        }
+    }
+
+    /// Effective user and groups of a process.
+    #[derive(Debug, PartialEq, Eq)]
+    pub(super) struct Credentials {
+        pub(super) user: u32,
+        pub(super) groups: Vec<u32>,
+    }
+
+    impl Credentials {
+        /// Reads `/proc/PID/status`.
+        pub(super) fn parse(status: &str) -> Option<Self> {
+            let numbers = |key: &str| -> Option<Vec<u32>> {
+                let line = status.lines().find_map(|line| line.strip_prefix(key))?;
+                line.split_whitespace().map(|word| word.parse().ok()).collect()
+            };
+            // Real, effective, saved and file system id.
+            let user = *numbers("Uid:")?.get(1)?;
+            let mut groups = numbers("Groups:")?;
+            groups.push(*numbers("Gid:")?.get(1)?);
+            Some(Self { user, groups })
+        }
+
+        /// The rule of the file system: the first class that fits decides.
+        pub(super) fn may_read_and_write(&self, mode: u32, owner: u32, group: u32) -> bool {
+            if self.user == 0 {
+                return true;
+            }
+            let class = if self.user == owner {
+                mode >> 6
+            } else if self.groups.contains(&group) {
+                mode >> 3
+            } else {
+                mode
+            };
+            class & 0o6 == 0o6
+        }
+    }
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::linux::{Credentials, interfaces_below};
+    use super::*;
+
+    #[test]
+    fn can_interfaces_are_told_from_others_with_their_state() {
+        let folder = tempfile::tempdir().expect("a folder");
+        for (name, kind, flags) in
+            [("can0", "280\n", "0x40080\n"), ("vcan1", "280\n", "0x400c1\n"), ("eth0", "1\n", "0x1003\n")]
+        {
+            let path = folder.path().join(name);
+            std::fs::create_dir(&path).expect("created");
+            std::fs::write(path.join("type"), kind).expect("written");
+            std::fs::write(path.join("flags"), flags).expect("written");
+        }
+        let mut found = interfaces_below(folder.path());
+        found.sort_by(|a, b| a.selector.cmp(&b.selector));
+        let kinds: Vec<_> = found.into_iter().map(|port| (port.selector, port.kind)).collect();
+        let expected = [("can:can0", false), ("can:vcan1", true)];
+        assert_eq!(kinds, expected.map(|(selector, up)| (selector.to_owned(), PortKind::Can { up })));
+    }
+
+    #[test]
+    fn access_follows_owner_group_and_others() {
+        let status =
+            "Name:\totolith\nUid:\t1000\t1000\t1000\t1000\nGid:\t1000\t1000\t1000\t1000\nGroups:\t20 27 \n";
+        let user = Credentials::parse(status).expect("well formed");
+        assert_eq!(user, Credentials { user: 1000, groups: vec![20, 27, 1000] });
+        for (mode, owner, group, expected) in [
+            (0o20660, 0, 20, true),
+            (0o20660, 0, 5, false),
+            (0o20666, 0, 5, true),
+            (0o20600, 1000, 5, true),
+            (0o20066, 1000, 5, false),
+            (0o20640, 0, 20, false),
+        ] {
+            assert_eq!(user.may_read_and_write(mode, owner, group), expected, "{mode:o} {owner} {group}");
+        }
+        let root = Credentials { user: 0, groups: vec![] };
+        assert!(root.may_read_and_write(0o20000, 1, 1));
+        assert_eq!(Credentials::parse("Name:\totolith\n"), None);
+    }
+
+    #[test]
+    fn the_list_is_sorted_and_serialises() {
+        let ports = discover();
+        assert!(ports.windows(2).all(|pair| pair[0].selector <= pair[1].selector));
+        let port = DiscoveredPort {
+            selector: "serial:/dev/ttyUSB0".into(),
+            kind: PortKind::Serial {
+                usb: Some(UsbIdentity {
+                    vid: 0x0403,
+                    pid: 0x6001,
+                    serial_number: None,
+                    manufacturer: Some("FTDI".into()),
+                    product: None,
+                }),
+            },
+            access: Access::Denied,
+        };
+        let json = serde_json::to_value(&port).expect("serialises");
+        assert_eq!(json["selector"], "serial:/dev/ttyUSB0");
+        assert_eq!((&json["kind"], &json["access"]), (&"serial".into(), &"denied".into()));
+        assert_eq!(json["usb"]["vid"], 0x0403);
+    }
+}

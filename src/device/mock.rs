@@ -1,0 +1,372 @@
+//! Simulated devices: the real bytes of our serial protocol, without hardware.
+
+use std::fmt;
+use std::time::Duration;
+
+use otolith_firmware_protocol::MAX_FRAME;
+use otolith_firmware_protocol::message::{Hello, Message, SampleF32, Status, status_flag};
+use otolith_firmware_protocol::stream::StreamEncoder;
+use serde::{Deserialize, Serialize};
+
+use super::bandwidth::time_on_line;
+use super::selector::DEFAULT_BAUD;
+use super::{DeviceError, Link, LinkError, Noise, Traffic};
+use crate::time::HostTime;
+use crate::units::{RAD_PER_DEG, RAD_S_PER_RPM, STANDARD_GRAVITY};
+
+/// Gyro noise per sample, rad/s rms and axis. The ICM-42688-P's data sheet states 0.0028 °/s/√Hz, which is
+/// 0.0011 rad/s over the 500 Hz that 1 kHz sampling lets pass; rounded up for mounting and drive.
+pub const GYRO_NOISE: f64 = 0.002;
+/// Accelerometer noise per sample, m/s² rms and axis. The data sheet's 70 µg/√Hz is 0.015 m/s² over 500 Hz;
+/// rounded up likewise.
+pub const SPECIFIC_FORCE_NOISE: f64 = 0.02;
+/// Full scale announced, deg/s.
+const GYRO_RANGE_DPS: u16 = 500;
+/// Full scale announced, g.
+const ACCEL_RANGE_G: u16 = 4;
+/// Counts from zero to full scale.
+const COUNTS: f64 = 32768.0;
+/// Identity announced: nobody's serial number.
+const DEVICE_ID: u32 = 0xD0_0DAD;
+
+/// Which simulated device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum MockKind {
+    /// Rests, rotates at a constant rate, stops, and goes on resting.
+    Chair,
+    /// Stands still for `rest_s`.
+    Rest,
+}
+
+/// What a simulated chair does. Angular rate about the chair's vertical:
+///
+/// ```text
+/// rate  ____________/‾‾‾‾‾‾‾‾‾‾‾‾‾‾\____________
+///        rest_s     |ramp_s        |ramp_s  after_s
+///                   |<-- spin_s -->|
+/// ```
+///
+/// The ramps are linear, so the chair turns by exactly rate × `spin_s`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MockParams {
+    /// Which device.
+    pub kind: MockKind,
+    /// Rate of rotation, rpm; positive is to the left. -80 to 80 (the gyro's range is 500 deg/s).
+    pub rate_rpm: f64,
+    /// From the start of the ramp up to the start of the ramp down, s. At least `ramp_s`.
+    pub spin_s: f64,
+    /// Length of each ramp, s.
+    pub ramp_s: f64,
+    /// Rest before, s.
+    pub rest_s: f64,
+    /// Rest after the ramp down, s.
+    pub after_s: f64,
+    /// Samples per second, Hz. 10 to 2000.
+    pub sample_rate_hz: f64,
+    /// Tilt of the sensor on the chair about its x axis, deg. -45 to 45.
+    pub tilt_deg: f64,
+    /// Sensor noise on or off.
+    pub noise: bool,
+    /// Seed of the noise; 0 is a seed like any other.
+    pub seed: u64,
+}
+
+impl Default for MockParams {
+    fn default() -> Self {
+        Self::chair()
+    }
+}
+
+impl MockParams {
+    /// Keys of [`MockParams::set`], in the order of the fields.
+    pub const KEYS: [&'static str; 9] =
+        ["rate_rpm", "spin_s", "ramp_s", "rest_s", "after_s", "sample_rate_hz", "tilt_deg", "noise", "seed"];
+
+    /// 30 rpm for 15 s between 2 s and 25 s of rest.
+    pub fn chair() -> Self {
+        Self {
+            kind: MockKind::Chair,
+            rate_rpm: 30.0,
+            spin_s: 15.0,
+            ramp_s: 1.0,
+            rest_s: 2.0,
+            after_s: 25.0,
+            sample_rate_hz: 1000.0,
+            tilt_deg: 0.0,
+            noise: true,
+            seed: 0,
+        }
+    }
+
+    /// No rotation for 30 s.
+    pub fn rest() -> Self {
+        let (spin_s, ramp_s, after_s) = (0.0, 0.0, 0.0);
+        Self { kind: MockKind::Rest, rate_rpm: 0.0, spin_s, ramp_s, rest_s: 30.0, after_s, ..Self::chair() }
+    }
+
+    /// The defaults of the mock called `name`.
+    pub fn named(name: &str) -> Option<Self> {
+        match name {
+            "chair" => Some(Self::chair()),
+            "rest" => Some(Self::rest()),
+            _ => None,
+        }
+    }
+
+    /// Sets one parameter from text. Ranges are left to [`MockParams::validate`].
+    ///
+    /// # Errors
+    /// What was expected instead, when `value` cannot be read or there is no such key.
+    pub fn set(&mut self, key: &str, value: &str) -> Result<(), &'static str> {
+        let number = match key {
+            "rate_rpm" => &mut self.rate_rpm,
+            "spin_s" => &mut self.spin_s,
+            "ramp_s" => &mut self.ramp_s,
+            "rest_s" => &mut self.rest_s,
+            "after_s" => &mut self.after_s,
+            "sample_rate_hz" => &mut self.sample_rate_hz,
+            "tilt_deg" => &mut self.tilt_deg,
+            "noise" => {
+                self.noise = match value {
+                    "0" => false,
+                    "1" => true,
+                    _ => return Err("0 or 1"),
+                };
+                return Ok(());
+            }
+            "seed" => {
+                self.seed = value.parse().map_err(|_| "a whole number from 0 to 18446744073709551615")?;
+                return Ok(());
+            }
+            _ => {
+                return Err(
+                    "one of the keys rate_rpm, spin_s, ramp_s, rest_s, after_s, sample_rate_hz, tilt_deg, noise, seed",
+                );
+            }
+        };
+        *number = value.parse().map_err(|_| "a number")?;
+        Ok(())
+    }
+
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// [`DeviceError::Range`] naming the first parameter out of its range.
+    pub fn validate(&self) -> Result<(), DeviceError> {
+        const LONGEST_S: f64 = 86_400.0;
+        let rate_range = if self.kind == MockKind::Rest { 0.0..=0.0 } else { -80.0..=80.0 };
+        DeviceError::check_range("rate_rpm", self.rate_rpm, rate_range)?;
+        DeviceError::check_range("ramp_s", self.ramp_s, 0.0..=60.0)?;
+        DeviceError::check_range("spin_s", self.spin_s, self.ramp_s..=LONGEST_S)?;
+        DeviceError::check_range("rest_s", self.rest_s, 0.0..=LONGEST_S)?;
+        DeviceError::check_range("after_s", self.after_s, 0.0..=LONGEST_S)?;
+        DeviceError::check_range("sample_rate_hz", self.sample_rate_hz, 10.0..=2000.0)?;
+        DeviceError::check_range("tilt_deg", self.tilt_deg, -45.0..=45.0)?;
+        Ok(())
+    }
+
+    /// Length of the whole run, s.
+    pub fn duration_s(&self) -> f64 {
+        self.rest_s + self.spin_s + self.ramp_s + self.after_s
+    }
+
+    /// Angular rate of the chair about its vertical at time `t_s` from the start, rad/s.
+    pub fn omega(&self, t_s: f64) -> f64 {
+        let rate = self.rate_rpm * RAD_S_PER_RPM;
+        let (start, brake) = (self.rest_s, self.rest_s + self.spin_s);
+        if t_s < start {
+            0.0
+        } else if t_s < start + self.ramp_s {
+            rate * (t_s - start) / self.ramp_s
+        } else if t_s < brake {
+            rate
+        } else if t_s < brake + self.ramp_s {
+            rate * (1.0 - (t_s - brake) / self.ramp_s)
+        } else {
+            0.0
+        }
+    }
+}
+
+impl fmt::Display for MockParams {
+    /// Writes `chair` or `rest` and the parameters that differ from its defaults, as a selector takes them.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (name, defaults) = match self.kind {
+            MockKind::Chair => ("chair", Self::chair()),
+            MockKind::Rest => ("rest", Self::rest()),
+        };
+        f.write_str(name)?;
+        let numbers = |params: &Self| {
+            let Self { rate_rpm, spin_s, ramp_s, rest_s, after_s, sample_rate_hz, tilt_deg, .. } = *params;
+            [rate_rpm, spin_s, ramp_s, rest_s, after_s, sample_rate_hz, tilt_deg]
+        };
+        let mut separator = '?';
+        for ((key, value), default) in Self::KEYS.into_iter().zip(numbers(self)).zip(numbers(&defaults)) {
+            if value != default {
+                write!(f, "{separator}{key}={value}")?;
+                separator = '&';
+            }
+        }
+        if self.noise != defaults.noise {
+            write!(f, "{separator}noise={}", u8::from(self.noise))?;
+            separator = '&';
+        }
+        if self.seed != defaults.seed {
+            write!(f, "{separator}seed={}", self.seed)?;
+        }
+        Ok(())
+    }
+}
+
+/// The frame to send next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Next {
+    Hello,
+    Sample,
+    Status,
+}
+
+/// A chair with an IMU on its axis that speaks our serial protocol: HELLO once a second, SAMPLE_F32, STATUS at 10 Hz.
+///
+/// One call of `receive` gives one frame, stamped with the time at which its last byte would arrive on a line of
+/// 921600 baud. It does not wait: wrap it in [`super::pacer::Paced`] for real time. The device's clock starts at
+/// zero with the run and does not drift.
+#[derive(Debug)]
+pub struct MockChair {
+    params: MockParams,
+    noise: Noise,
+    encoder: StreamEncoder,
+    frame: [u8; MAX_FRAME],
+    /// Number of the current sample; its time is `sample / sample_rate_hz`.
+    sample: u64,
+    sample_count: u64,
+    next: Next,
+    hellos_sent: u64,
+    statuses_sent: u64,
+    /// When the line has carried everything sent so far.
+    line_free: HostTime,
+}
+
+impl MockChair {
+    /// A device at the start of its run.
+    ///
+    /// # Errors
+    /// [`DeviceError::Range`] for a parameter out of its range.
+    pub fn new(params: MockParams) -> Result<Self, DeviceError> {
+        params.validate()?;
+        let sample_count = (params.duration_s() * params.sample_rate_hz).round() as u64 + 1;
+        Ok(Self {
+            noise: Noise::new(params.seed),
+            params,
+            encoder: StreamEncoder::new(),
+            frame: [0; MAX_FRAME],
+            sample: 0,
+            sample_count,
+            next: Next::Hello,
+            hellos_sent: 0,
+            statuses_sent: 0,
+            line_free: HostTime(0),
+        })
+    }
+
+    /// The frame that is due now, and a step on in the schedule; `None` when nothing of that kind is due.
+    fn next_message(&mut self) -> Option<Message<'static>> {
+        let t_s = self.sample as f64 / self.params.sample_rate_hz;
+        match self.next {
+            Next::Hello => {
+                self.next = Next::Sample;
+                let due = t_s >= self.hellos_sent as f64;
+                self.hellos_sent += u64::from(due);
+                due.then(|| self.hello())
+            }
+            Next::Sample => {
+                self.next = Next::Status;
+                Some(self.sample_at(t_s))
+            }
+            Next::Status => {
+                self.next = Next::Hello;
+                self.sample += 1;
+                let due = t_s >= self.statuses_sent as f64 * 0.1;
+                self.statuses_sent += u64::from(due);
+                due.then(|| status_at(t_s))
+            }
+        }
+    }
+
+    fn hello(&self) -> Message<'static> {
+        Message::Hello(Hello {
+            flags: 0,
+            device_id: DEVICE_ID,
+            firmware: 0x0100,
+            rate_millihertz: (self.params.sample_rate_hz * 1000.0).round() as u32,
+            gyro_scale: (f64::from(GYRO_RANGE_DPS) * RAD_PER_DEG / COUNTS) as f32,
+            accel_scale: (f64::from(ACCEL_RANGE_G) * STANDARD_GRAVITY / COUNTS) as f32,
+            gyro_range_dps: GYRO_RANGE_DPS,
+            accel_range_g: ACCEL_RANGE_G,
+            caps: 0,
+            name: match self.params.kind {
+                MockKind::Chair => "mock:chair".as_bytes(),
+                MockKind::Rest => "mock:rest".as_bytes(),
+            },
+        })
+    }
+
+    /// The chair's vertical is (0, sin tilt, cos tilt) in the axes of a sensor tilted about its x axis.
+    fn sample_at(&mut self, t_s: f64) -> Message<'static> {
+        let (sin, cos) = libm::sincos(self.params.tilt_deg * RAD_PER_DEG);
+        let up = [0.0, sin, cos];
+        let omega = self.params.omega(t_s);
+        let mut vector = |along_up: f64, noise_rms: f64| {
+            up.map(|component| {
+                let noise = if self.params.noise { self.noise.normal() * noise_rms } else { 0.0 };
+                (component * along_up + noise) as f32
+            })
+        };
+        let gyro = vector(omega, GYRO_NOISE);
+        let accel = vector(STANDARD_GRAVITY, SPECIFIC_FORCE_NOISE);
+        // The counter of the protocol has 32 bits and wraps.
+        Message::SampleF32(SampleF32 { t_us: micros(t_s) as u32, gyro, accel })
+    }
+}
+
+fn micros(t_s: f64) -> u64 {
+    (t_s * 1e6).round() as u64
+}
+
+fn status_at(t_s: f64) -> Message<'static> {
+    Message::Status(Status {
+        t_us: micros(t_s),
+        temperature_centi_c: 2500,
+        flags: status_flag::SELF_TEST_OK,
+        dropped: 0,
+        tx_overrun: 0,
+        sensor_err: 0,
+    })
+}
+
+impl Link for MockChair {
+    fn receive(&mut self, _timeout: Duration) -> Result<Option<(HostTime, Traffic<'_>)>, LinkError> {
+        let (taken_s, message) = loop {
+            if self.sample == self.sample_count {
+                return Err(LinkError::EndOfRecording);
+            }
+            let taken_s = self.sample as f64 / self.params.sample_rate_hz;
+            if let Some(message) = self.next_message() {
+                break (taken_s, message);
+            }
+        };
+        let length = match self.encoder.encode(&message, &mut self.frame) {
+            Ok(frame) => frame.len(),
+            // None of the three can be too long; a frame that were would be lost like any other.
+            Err(_) => return Ok(None),
+        };
+        let wire_time = Duration::from_nanos(time_on_line(length as u64, DEFAULT_BAUD).0);
+        self.line_free = self.line_free.max(HostTime::from_secs_f64(taken_s)) + wire_time;
+        Ok(Some((self.line_free, Traffic::Bytes(&self.frame[..length]))))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,279 @@
+//! Our own protocol on a serial line.
+
+use nalgebra::Vector3;
+use otolith_firmware_protocol::MAX_FRAME;
+use otolith_firmware_protocol::message::{BATCH_MAX_ROWS, Hello, Message, Sample16, SampleF32};
+use otolith_firmware_protocol::stream::{Event, StreamDecoder, StreamEncoder};
+
+use super::sync::{ClockExchange, SyncEstimate};
+use super::{DecodeCounters, DeviceTime, DropCount, ImuReading, PacketDecoder};
+use crate::device::Traffic;
+use crate::units::{RAD_PER_DEG, STANDARD_GRAVITY};
+
+/// The device's 32-bit microsecond counter starts again after this.
+const WRAPS_AFTER_US: u64 = 1 << 32;
+/// Bytes of a frame around its payload: COBS byte, type, sequence number, CRC, delimiter.
+const FRAME_OVERHEAD: usize = 6;
+/// Payload of a SAMPLE16: time and 6 × 16 bit.
+const SAMPLE16_BYTES: usize = 16;
+/// Payload of a SAMPLE_F32: time and 6 × 32 bit.
+const SAMPLE_F32_BYTES: usize = 28;
+/// Payload of a BATCH16 before its samples: time, interval, count.
+const BATCH16_HEAD_BYTES: usize = 7;
+/// One sample of a BATCH16: 6 × 16 bit.
+const BATCH16_ROW_BYTES: usize = 12;
+
+/// SI units per count of the sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CountScale {
+    /// Angular rate of one count, rad/s.
+    pub gyro: f64,
+    /// Specific force of one count, m/s².
+    pub accel: f64,
+}
+
+/// What a device said about itself in its last HELLO.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DeviceInfo {
+    /// Serial number.
+    pub device_id: u32,
+    /// Firmware version, major in the high byte.
+    pub firmware: u16,
+    /// Name, for people.
+    pub name: String,
+    /// Nominal sample rate, Hz.
+    pub rate_hz: f64,
+    /// Scale of the counts.
+    pub scale: CountScale,
+    /// Full scale of the gyro, rad/s.
+    pub gyro_range: f64,
+    /// Full scale of the accelerometer, m/s².
+    pub accel_range: f64,
+}
+
+impl DeviceInfo {
+    /// `None` if the scales are no scales.
+    fn read(hello: &Hello<'_>) -> Option<Self> {
+        let scale = CountScale { gyro: f64::from(hello.gyro_scale), accel: f64::from(hello.accel_scale) };
+        let usable = |scale: f64| scale.is_finite() && scale > 0.0;
+        (usable(scale.gyro) && usable(scale.accel)).then(|| Self {
+            device_id: hello.device_id,
+            firmware: hello.firmware,
+            name: hello.name_str().to_owned(),
+            rate_hz: f64::from(hello.rate_millihertz) / 1000.0,
+            scale,
+            gyro_range: f64::from(hello.gyro_range_dps) * RAD_PER_DEG,
+            accel_range: f64::from(hello.accel_range_g) * STANDARD_GRAVITY,
+        })
+    }
+}
+
+/// Decodes the serial protocol of `firmware-protocol`.
+///
+/// Samples are withheld until a HELLO has told their scale, and counted in [`NativeSerialDecoder::withheld`]. A
+/// sample is marked as clipped when an axis stands at either end of its range. Nothing is sent to a device before
+/// its HELLO; from then on SYNC once a second.
+#[derive(Debug, Default)]
+pub struct NativeSerialDecoder {
+    stream: StreamDecoder,
+    content: Content,
+    /// Bytes of traffic that is no serial line's.
+    foreign_bytes: u64,
+    encoder: StreamEncoder,
+}
+
+impl NativeSerialDecoder {
+    /// A decoder that waits for a HELLO.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// A decoder that uses `scale` until a HELLO says otherwise.
+    pub fn with_scale(scale: CountScale) -> Self {
+        Self { content: Content { given_scale: Some(scale), ..Content::default() }, ..Self::default() }
+    }
+
+    /// What the device said about itself, once it has.
+    pub fn device(&self) -> Option<&DeviceInfo> {
+        self.content.device.as_ref()
+    }
+
+    /// Offset of the device's clock, once it has answered a SYNC.
+    pub fn sync_estimate(&self) -> Option<SyncEstimate> {
+        self.content.clocks.best()
+    }
+
+    /// Samples that could not be scaled, because they came before a HELLO.
+    pub fn withheld(&self) -> u64 {
+        self.content.withheld
+    }
+}
+
+/// What the frames say, apart from how they are found.
+#[derive(Debug, Default)]
+struct Content {
+    given_scale: Option<CountScale>,
+    device: Option<DeviceInfo>,
+    clocks: ClockExchange,
+    dropped: DropCount,
+    withheld: u64,
+    /// Frames with values that are no numbers.
+    not_finite: u64,
+    /// Bytes on the wire per sample, of the last frame with samples.
+    bytes_per_sample: Option<f64>,
+}
+
+impl Content {
+    fn take(&mut self, message: &Message<'_>, on_reading: &mut dyn FnMut(ImuReading)) {
+        match message {
+            Message::Hello(hello) => self.take_hello(hello),
+            Message::Sample16(sample) => {
+                self.note_size(SAMPLE16_BYTES, 1);
+                self.take_counts(sample, on_reading);
+            }
+            Message::Batch16(batch) => {
+                let rows = batch.rows.len();
+                self.note_size(BATCH16_HEAD_BYTES + BATCH16_ROW_BYTES * rows, rows);
+                batch.samples().for_each(|sample| self.take_counts(&sample, on_reading));
+            }
+            Message::SampleF32(sample) => {
+                self.note_size(SAMPLE_F32_BYTES, 1);
+                self.take_floats(sample, on_reading);
+            }
+            Message::Status(status) => self.dropped.take(status.dropped, status.t_us),
+            Message::Sync(sync) => self.clocks.answered(*sync),
+            // Log lines and answers to commands carry no motion. A device does not send commands.
+            Message::Text(_) | Message::Ack(_) | Message::Cmd(_) => {}
+        }
+    }
+
+    fn take_hello(&mut self, hello: &Hello<'_>) {
+        // The same HELLO comes every second: only a new one is worth an allocation.
+        let known = self.device.as_ref().is_some_and(|device| {
+            device.device_id == hello.device_id
+                && device.firmware == hello.firmware
+                && device.rate_hz == f64::from(hello.rate_millihertz) / 1000.0
+                && device.scale.gyro == f64::from(hello.gyro_scale)
+                && device.scale.accel == f64::from(hello.accel_scale)
+                && device.name == hello.name_str()
+        });
+        if !known && let Some(device) = DeviceInfo::read(hello) {
+            self.device = Some(device);
+        }
+    }
+
+    fn note_size(&mut self, payload_bytes: usize, samples: usize) {
+        if samples > 0 {
+            self.bytes_per_sample = Some((FRAME_OVERHEAD + payload_bytes) as f64 / samples as f64);
+        }
+    }
+
+    fn take_counts(&mut self, sample: &Sample16, on_reading: &mut dyn FnMut(ImuReading)) {
+        let Some(scale) = self.device.as_ref().map(|device| device.scale).or(self.given_scale) else {
+            self.withheld += 1;
+            return;
+        };
+        on_reading(ImuReading {
+            device_time: Some(device_time(sample.t_us)),
+            omega_imu: scaled(sample.gyro, scale.gyro),
+            specific_force_imu: Some(scaled(sample.accel, scale.accel)),
+            clipped: at_end_of_range(sample.gyro) || at_end_of_range(sample.accel),
+        });
+    }
+
+    fn take_floats(&mut self, sample: &SampleF32, on_reading: &mut dyn FnMut(ImuReading)) {
+        if self.device.is_none() && self.given_scale.is_none() {
+            self.withheld += 1;
+            return;
+        }
+        if !sample.gyro.iter().chain(&sample.accel).all(|value| value.is_finite()) {
+            self.not_finite += 1;
+            return;
+        }
+        let clipped = self.device.as_ref().is_some_and(|device| {
+            // Half a count of slack: full scale itself is a rounded number.
+            let beyond = |values: [f32; 3], range: f64, count: f64| {
+                range > 0.0 && values.iter().any(|value| f64::from(value.abs()) >= range - 1.5 * count)
+            };
+            beyond(sample.gyro, device.gyro_range, device.scale.gyro)
+                || beyond(sample.accel, device.accel_range, device.scale.accel)
+        });
+        on_reading(ImuReading {
+            device_time: Some(device_time(sample.t_us)),
+            omega_imu: Vector3::from(sample.gyro).map(f64::from),
+            specific_force_imu: Some(Vector3::from(sample.accel).map(f64::from)),
+            clipped,
+        });
+    }
+}
+
+fn device_time(t_us: u32) -> DeviceTime {
+    DeviceTime { micros: u64::from(t_us), wraps_after_us: Some(WRAPS_AFTER_US) }
+}
+
+/// Counts in SI units.
+pub(super) fn scaled(counts: [i16; 3], scale: f64) -> Vector3<f64> {
+    Vector3::from(counts).map(|count| f64::from(count) * scale)
+}
+
+/// True when an axis stands at either end of its range. The lower end is one count longer; both ends count.
+pub(super) fn at_end_of_range(counts: [i16; 3]) -> bool {
+    counts.iter().any(|count| count.unsigned_abs() >= i16::MAX.unsigned_abs())
+}
+
+impl PacketDecoder for NativeSerialDecoder {
+    fn protocol(&self) -> &'static str {
+        super::detect::OTOLITH_SERIAL
+    }
+
+    fn push(&mut self, traffic: Traffic<'_>, on_reading: &mut dyn FnMut(ImuReading)) {
+        match traffic {
+            Traffic::Bytes(bytes) => self.stream.push(bytes, |event| {
+                if let Event::Message { message, .. } = event {
+                    self.content.take(&message, on_reading);
+                }
+            }),
+            Traffic::CanFrame { data, .. } => self.foreign_bytes += data.len() as u64,
+        }
+    }
+
+    fn counters(&self) -> DecodeCounters {
+        let stream = self.stream.counters();
+        DecodeCounters {
+            packets: stream.frames,
+            bad_checksum: stream.framing_errors + stream.crc_errors,
+            bytes_skipped: stream.bytes_skipped + self.foreign_bytes,
+            missing: stream.lost,
+            unknown: stream.unknown + stream.malformed + self.content.not_finite,
+            device_dropped: self.content.dropped.total(),
+        }
+    }
+
+    fn announced_rate_hz(&self) -> Option<f64> {
+        self.content.device.as_ref().map(|device| device.rate_hz).filter(|rate_hz| *rate_hz > 0.0)
+    }
+
+    fn wire_bytes_per_sample(&self) -> Option<f64> {
+        self.content.device.as_ref()?;
+        // Before the first sample: the densest form there is, so that a line refused for it is too slow for all.
+        let densest = (FRAME_OVERHEAD + BATCH16_HEAD_BYTES + BATCH16_ROW_BYTES * BATCH_MAX_ROWS) as f64
+            / BATCH_MAX_ROWS as f64;
+        Some(self.content.bytes_per_sample.unwrap_or(densest))
+    }
+
+    fn poll_transmit(&mut self, host_time_us: u64, out: &mut [u8; 64]) -> Option<usize> {
+        self.content.device.as_ref()?;
+        let request = self.content.clocks.poll(host_time_us)?;
+        let mut frame = [0; MAX_FRAME];
+        let frame = self.encoder.encode(&Message::Sync(request), &mut frame).ok()?;
+        out.get_mut(..frame.len())?.copy_from_slice(frame);
+        Some(frame.len())
+    }
+
+    fn rejoin(&mut self) {
+        self.stream.rejoin();
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,174 @@
+//! Recordings of other programs as links: text logs, candump logs, raw serial captures. Streamed, never loaded.
+//!
+//! Stamps are relative to the first one in the file, never go backwards, and nothing in a file is fatal once it is
+//! open: what is no traffic is counted in [`super::LinkStatus::bytes_skipped`].
+
+use std::fmt;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read};
+use std::path::Path;
+
+use super::{DeviceError, Link, LinkError};
+use crate::time::HostTime;
+
+mod candump;
+mod raw;
+mod text;
+
+pub use candump::{CandumpRecord, CandumpReplay, parse_candump_line};
+pub use raw::RawReplay;
+pub use text::TextReplay;
+
+/// Reads the time of one line of a text log, ns from any origin; `None` when the line carries none.
+pub type LineStamper = Box<dyn FnMut(&[u8]) -> Option<u64> + Send>;
+
+/// What a recorded file holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FileKind {
+    /// Lines of text, one sample each.
+    Text,
+    /// CAN frames as `candump -l` writes them.
+    Candump,
+    /// Bytes of a serial line.
+    Raw,
+    /// A recording of ours, in an MCAP container. Not played here.
+    Mcap,
+}
+
+impl fmt::Display for FileKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            FileKind::Text => "text",
+            FileKind::Candump => "candump",
+            FileKind::Raw => "raw",
+            FileKind::Mcap => "mcap",
+        })
+    }
+}
+
+/// How far into a file its kind is looked for, bytes.
+const PROBE_BYTES: usize = 8192;
+/// First bytes of every MCAP file.
+const MCAP_MAGIC: &[u8] = b"\x89MCAP";
+
+/// Finds out what `path` holds, from its first bytes; the name counts only for `.mcap`.
+///
+/// # Errors
+/// [`DeviceError::File`] or [`DeviceError::EmptyFile`].
+pub fn detect(path: &Path) -> Result<FileKind, DeviceError> {
+    let mut reader = open_file(path)?;
+    let start = reader.fill_buf().map_err(|source| file_error(path, source))?;
+    Ok(kind_of(path, start))
+}
+
+/// Opens a recording as a link. `kind` overrides what the content looks like. A text log without `stamp_line` and a
+/// raw capture are stamped by the time their bytes take at `baud`.
+///
+/// # Errors
+/// Missing, unreadable or empty file, or an MCAP recording, which has a command of its own.
+pub fn open(
+    path: &Path,
+    kind: Option<FileKind>,
+    baud: u32,
+    stamp_line: Option<LineStamper>,
+) -> Result<Box<dyn Link>, DeviceError> {
+    let mut reader = open_file(path)?;
+    let kind = match kind {
+        Some(kind) => kind,
+        None => kind_of(path, reader.fill_buf().map_err(|source| file_error(path, source))?),
+    };
+    let name = path.display().to_string();
+    match kind {
+        FileKind::Text => Ok(Box::new(TextReplay::new(name, reader, baud, stamp_line))),
+        FileKind::Candump => Ok(Box::new(CandumpReplay::new(name, reader))),
+        FileKind::Raw => Ok(Box::new(RawReplay::new(name, reader, baud))),
+        FileKind::Mcap => Err(DeviceError::FileKind {
+            path: path.to_owned(),
+            kind: "a recording of otolith (MCAP), not a log of a device",
+            hint: "play it with `otolith replay FILE`",
+        }),
+    }
+}
+
+fn file_error(path: &Path, source: io::Error) -> DeviceError {
+    DeviceError::File { path: path.to_owned(), source }
+}
+
+fn open_file(path: &Path) -> Result<BufReader<File>, DeviceError> {
+    let file = File::open(path).map_err(|source| file_error(path, source))?;
+    let metadata = file.metadata().map_err(|source| file_error(path, source))?;
+    if metadata.is_dir() {
+        return Err(file_error(path, io::ErrorKind::IsADirectory.into()));
+    }
+    if metadata.is_file() && metadata.len() == 0 {
+        return Err(DeviceError::EmptyFile { path: path.to_owned() });
+    }
+    Ok(BufReader::with_capacity(PROBE_BYTES, file))
+}
+
+fn kind_of(path: &Path, start: &[u8]) -> FileKind {
+    let named_mcap = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("mcap"));
+    if start.starts_with(MCAP_MAGIC) || named_mcap {
+        FileKind::Mcap
+    } else if start.split(|byte| *byte == b'\n').take(4).any(|line| parse_candump_line(line).is_some()) {
+        FileKind::Candump
+    } else if is_text(start) {
+        FileKind::Text
+    } else {
+        FileKind::Raw
+    }
+}
+
+/// True for UTF-8 without control characters but the usual white space. A character cut at the end is fine.
+fn is_text(start: &[u8]) -> bool {
+    let whole = match std::str::from_utf8(start) {
+        Ok(_) => start.len(),
+        Err(error) if error.error_len().is_none() => error.valid_up_to(),
+        Err(_) => return false,
+    };
+    start[..whole].iter().all(|byte| !byte.is_ascii_control() || matches!(byte, b'\n' | b'\r' | b'\t'))
+}
+
+/// Longest line taken as one piece, bytes: a log without line ends must not fill the memory.
+const MAX_LINE_BYTES: u64 = 64 * 1024;
+
+/// Reads the next line with its end into `line`; false at the end of the file.
+fn read_line(name: &str, reader: &mut impl BufRead, line: &mut Vec<u8>) -> Result<bool, LinkError> {
+    line.clear();
+    match reader.by_ref().take(MAX_LINE_BYTES).read_until(b'\n', line) {
+        Ok(count) => Ok(count > 0),
+        Err(source) => Err(LinkError::Lost { port: name.to_owned(), source }),
+    }
+}
+
+/// Largest step back that is taken for disorder among neighbours, ns; a larger one is a new start of the clock.
+const DISORDER_NS: u64 = 1_000_000_000;
+
+/// Turns the stamps of a file into host times: the first is zero and time never goes back.
+#[derive(Debug, Default)]
+struct RelativeStamps {
+    /// Stamp of the file that stands for `base_at`.
+    base: Option<u64>,
+    base_at: u64,
+    last: HostTime,
+}
+
+impl RelativeStamps {
+    /// Host time of a piece stamped `stamp_ns` in the file; of one without a stamp, that of its forerunner.
+    fn at(&mut self, stamp_ns: Option<u64>) -> HostTime {
+        let Some(stamp) = stamp_ns else { return self.last };
+        let base = *self.base.get_or_insert(stamp);
+        let at = (self.base_at + stamp).saturating_sub(base);
+        if at + DISORDER_NS < self.last.0 {
+            // The logger was restarted: go on from here.
+            self.base = Some(stamp);
+            self.base_at = self.last.0;
+        } else {
+            self.last = self.last.max(HostTime(at));
+        }
+        self.last
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,175 @@
+use std::io::Write;
+use std::time::Duration;
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::device::Traffic;
+use crate::device::testing::drain;
+
+fn file(suffix: &str, content: &[u8]) -> tempfile::NamedTempFile {
+    let mut file = tempfile::Builder::new().suffix(suffix).tempfile().expect("a temporary file");
+    file.write_all(content).expect("written");
+    file
+}
+
+fn stamper(line: &[u8]) -> Option<u64> {
+    let seconds: f64 = std::str::from_utf8(line).ok()?.split(',').next()?.parse().ok()?;
+    Some((seconds * 1e9) as u64)
+}
+
+#[test]
+fn the_kind_is_found_from_the_content() {
+    for (suffix, content, kind) in [
+        (".txt", &b"t,gx\n1,2\n"[..], FileKind::Text),
+        (".bin", "Zeit,\u{b0}/s\n".as_bytes(), FileKind::Text),
+        (".log", b"(1616161616.123456) can0 3A0#00\n", FileKind::Candump),
+        (".log", b"cut off\n(1616161616.123456) can0 3A0#00\n", FileKind::Candump),
+        (".txt", b"\x02\x01\x02\x01\x04\xee\xff\xc0\x00", FileKind::Raw),
+        (".txt", b"\x89MCAP0\r\n", FileKind::Mcap),
+        (".mcap", b"damaged", FileKind::Mcap),
+    ] {
+        assert_eq!(detect(file(suffix, content).path()).expect("readable"), kind, "{content:?}");
+    }
+}
+
+#[test]
+fn files_that_cannot_be_played_say_why() {
+    let open_error = |path: &Path| open(path, None, 115_200, None).err().expect("an error").to_string();
+    let missing = open_error(Path::new("/no/such/file.txt"));
+    assert!(missing.starts_with("/no/such/file.txt: cannot read it: "), "{missing}");
+    let empty = open_error(file(".txt", b"").path());
+    assert!(empty.contains("the file is empty (0 bytes)") && empty.contains("\n\nhint: "), "{empty}");
+    let folder = tempfile::tempdir().expect("a folder");
+    assert!(open_error(folder.path()).contains("cannot read it"));
+    assert!(open_error(file(".x", b"\x89MCAP0\r\n").path()).contains("otolith replay"));
+}
+
+#[test]
+fn a_text_log_is_played_line_by_line_with_its_own_times() {
+    let log = file(".csv", b"time,gx\n10.5,1\n10.6,2\n10.59,3\nnoise\n10.8,4");
+    let mut link = open(log.path(), None, 115_200, Some(Box::new(stamper))).expect("opens");
+    let ms = |ms: u64| HostTime(ms * 1_000_000);
+    let expected = [
+        (ms(0), "time,gx\n"),
+        (ms(0), "10.5,1\n"),
+        (ms(100), "10.6,2\n"),
+        (ms(100), "10.59,3\n"),
+        (ms(100), "noise\n"),
+        (ms(300), "10.8,4\n"),
+    ];
+    let expected: Vec<_> = expected.into_iter().map(|(at, line)| (at, line.as_bytes().to_vec())).collect();
+    assert_eq!(drain(link.as_mut()), expected);
+}
+
+#[test]
+fn a_restart_of_the_logger_goes_on_from_where_it_was() {
+    let mut stamps = RelativeStamps::default();
+    let s = 1_000_000_000;
+    let got: Vec<u64> = [100, 101, 105, 2, 3, 7].map(|seconds| stamps.at(Some(seconds * s)).0 / s).to_vec();
+    assert_eq!(got, [0, 1, 5, 5, 6, 10]);
+}
+
+#[test]
+fn a_text_log_without_times_is_stamped_by_its_bytes() {
+    let log = file(".txt", b"123456789\n123456789\n");
+    let mut link = open(log.path(), None, 100_000, None).expect("opens");
+    let stamps: Vec<u64> = drain(link.as_mut()).into_iter().map(|(at, _)| at.0).collect();
+    assert_eq!(stamps, [1_000_000, 2_000_000]);
+}
+
+#[test]
+fn a_raw_capture_is_stamped_by_its_bytes() {
+    let bytes: Vec<u8> = (0..1000u32).map(|i| i as u8).collect();
+    let capture = file(".bin", &bytes);
+    let mut link = open(capture.path(), None, 100_000, None).expect("opens");
+    let pieces = drain(link.as_mut());
+    assert_eq!(pieces.iter().flat_map(|(_, piece)| piece.clone()).collect::<Vec<u8>>(), bytes);
+    assert_eq!(pieces[0], (HostTime(64 * 100_000), bytes[..64].to_vec()));
+    assert_eq!(pieces.last().expect("some").0, HostTime(100_000_000));
+}
+
+#[test]
+fn a_candump_log_is_played_frame_by_frame() {
+    let good = "(1614981013.853137) can0 3A0#000000005C0F6400\n\
+                (1614981013.854137) can0 18FEF100#11\r\n\
+                (1614981013.855) vcan1 7ff#\n";
+    let bad = "not a frame\n(1614981013.86) can0 3A0#0\n";
+    let error = "(1614981013.860000) can0 20000040#0000000000000000\n";
+    let log = file(".log", format!("{good}{bad}{error}").as_bytes());
+    let mut link = open(log.path(), None, 0, None).expect("opens");
+    let mut frames = Vec::new();
+    while let Ok(Some((at, Traffic::CanFrame { id, extended, data }))) = link.receive(Duration::ZERO) {
+        frames.push((at.0, id, extended, data.to_vec()));
+    }
+    let expected = [
+        (0, 0x3A0, false, vec![0, 0, 0, 0, 0x5C, 0x0F, 0x64, 0]),
+        (1_000_000, 0x18FE_F100, true, vec![0x11]),
+        (1_863_000, 0x7FF, false, vec![]),
+    ];
+    assert_eq!(frames, expected);
+    let status = link.status();
+    assert_eq!((status.bytes_skipped, status.bus_errors), (bad.len() as u64, 1));
+}
+
+#[test]
+fn lines_that_are_no_frames_are_refused() {
+    for line in [
+        "",
+        "(1.0) can0",
+        "(1.0) can0 3A0",
+        "1.0 can0 3A0#00",
+        "(1) can0 3A0#00",
+        "(1.) can0 3A0#00",
+        "(1.0000000001) can0 3A0#00",
+        "(-1.0) can0 3A0#00",
+        "(1.0) can0 800#00",
+        "(1.0) can0 3A#00",
+        "(1.0) can0 4FFFFFFF#00",
+        "(1.0) can0 3A0#001",
+        "(1.0) can0 3A0#+1",
+        "(1.0) can0 +A0#11",
+        "(1.0) can0 3A0#000000000000000000",
+        "(1.0) can0 3A0#R",
+        "(1.0) can0 3A0##100",
+        "(1.0) can0 3A0#00 X",
+        "(99999999999999999999.0) can0 3A0#00",
+        "(1.0) can0 3A0#0\u{e9}",
+    ] {
+        assert_eq!(parse_candump_line(line.as_bytes()), None, "{line}");
+    }
+    assert!(parse_candump_line(b"(1.0) can0 3A0#00 R").is_some());
+}
+
+proptest! {
+    #[test]
+    fn a_written_frame_reads_back(
+        seconds in 0u64..4_000_000_000, micros in 0u32..1_000_000, id in 0u32..0x2000_0000, extended: bool,
+        data in proptest::collection::vec(any::<u8>(), 0..=8),
+    ) {
+        let id = if extended { id } else { id & 0x7FF };
+        let digits: String = data.iter().map(|byte| format!("{byte:02X}")).collect();
+        let width = if extended { 8 } else { 3 };
+        let line = format!("({seconds}.{micros:06}) can0 {id:0width$X}#{digits}\n");
+        let frame = parse_candump_line(line.as_bytes()).expect("well formed");
+        prop_assert_eq!(frame.stamp_ns, seconds * 1_000_000_000 + u64::from(micros) * 1000);
+        prop_assert_eq!((frame.id, frame.extended, frame.error), (id, extended, false));
+        prop_assert_eq!(frame.data(), &data[..]);
+    }
+
+    #[test]
+    fn any_line_is_read_or_refused(line: Vec<u8>) {
+        let _ = parse_candump_line(&line);
+    }
+
+    #[test]
+    fn host_times_never_go_back(stamps in proptest::collection::vec(proptest::option::of(0u64..20_000_000_000), 1..50)) {
+        let mut relative = RelativeStamps::default();
+        let mut last = HostTime(0);
+        for stamp in stamps {
+            let at = relative.at(stamp);
+            prop_assert!(at >= last);
+            last = at;
+        }
+    }
+}
