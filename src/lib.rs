@@ -5,6 +5,7 @@
 
 pub mod device;
 pub mod imu;
+pub mod record;
 pub mod tick;
 pub mod time;
 pub mod units;
