@@ -24,27 +24,36 @@ const COMPRESSION_AT: usize = 8 + 8 + 8 + 4;
 pub(super) struct ChunkSpan {
     /// Where its opcode stands.
     pub offset: u64,
-    /// Length after the record head, by the sizes inside: the length in the record head may be damaged.
+    /// Length after the record head.
     pub len: u64,
 }
 
 impl ChunkSpan {
-    /// The chunk whose opcode is the first of `bytes`, if its front looks like one of ours. `bytes` stand at `offset`.
-    pub(super) fn parse(offset: u64, bytes: &[u8]) -> Option<Self> {
-        let front = bytes.strip_prefix(&[op::CHUNK])?.get(8..8 + CHUNK_FRONT)?;
-        let (front, size) = front.split_at(CHUNK_FRONT - 8);
-        let size = u64::from_le_bytes(size.try_into().ok()?);
-        let ours = &front[COMPRESSION_AT..] == COMPRESSION && size <= MAX_RECORD;
-        ours.then(|| Self { offset, len: CHUNK_FRONT as u64 + size })
+    /// Bytes of a record that [`ChunkSpan::parse`] must see.
+    pub(super) const FRONT: u64 = RECORD_HEAD + CHUNK_FRONT as u64;
+
+    /// The chunk at `offset` whose first `bytes` look like one of ours, by its two statements of its length: the
+    /// shorter one first. They are equal unless one is damaged; the longer one may then reach into other records.
+    pub(super) fn parse(offset: u64, bytes: &[u8]) -> Option<[Self; 2]> {
+        let (len, rest) = bytes.strip_prefix(&[op::CHUNK])?.split_first_chunk::<8>()?;
+        let (front, size) = rest.get(..CHUNK_FRONT)?.split_last_chunk::<8>()?;
+        if &front[COMPRESSION_AT..] != COMPRESSION {
+            return None;
+        }
+        let outer = u64::from_le_bytes(*len);
+        let inner = u64::from_le_bytes(*size).saturating_add(CHUNK_FRONT as u64);
+        Some([outer.min(inner), outer.max(inner)].map(|len| Self { offset, len }))
+    }
+
+    /// True when it ends in front of `limit` and can be read into memory.
+    pub(super) fn fits(self, limit: u64) -> bool {
+        self.len <= MAX_RECORD && self.end() <= limit
     }
 
     /// First byte after the chunk.
     pub(super) fn end(self) -> u64 {
-        self.offset + RECORD_HEAD + self.len
+        self.offset.saturating_add(RECORD_HEAD).saturating_add(self.len)
     }
-
-    /// Bytes of a record that [`ChunkSpan::parse`] must see.
-    pub(super) const FRONT: u64 = RECORD_HEAD + CHUNK_FRONT as u64;
 }
 
 /// A message as it stands in a chunk.
@@ -72,9 +81,13 @@ impl Chunk {
     /// Reads, decompresses and checks the chunk at `span`. The outer error is the disk's, the inner one damage.
     pub(super) fn read(source: &mut Source, span: ChunkSpan) -> std::io::Result<Result<Self, McapError>> {
         let mut record = source.read(span.offset..span.end())?;
-        // The record may be good although its length is damaged.
-        if let Some(len) = record.get_mut(1..9) {
-            len.copy_from_slice(&span.len.to_le_bytes());
+        // The contents may be good although one of the lengths is damaged.
+        if let Some(size) = span.len.checked_sub(CHUNK_FRONT as u64)
+            && record.len() as u64 == RECORD_HEAD + span.len
+        {
+            record[1..9].copy_from_slice(&span.len.to_le_bytes());
+            record[ChunkSpan::FRONT as usize - 8..ChunkSpan::FRONT as usize]
+                .copy_from_slice(&size.to_le_bytes());
         }
         Ok(Self::parse(&record))
     }

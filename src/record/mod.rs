@@ -72,8 +72,11 @@ impl RecordingHeader {
 
     /// The header as named texts: the names of the attachments.
     fn entries(&self) -> BTreeMap<String, String> {
-        let mut entries: BTreeMap<String, String> =
-            self.models.iter().map(|(name, text)| (format!("{}{name}", Self::MODELS), text.clone())).collect();
+        let mut entries: BTreeMap<String, String> = self
+            .models
+            .iter()
+            .map(|(name, text)| (format!("{}{name}", Self::MODELS), text.clone()))
+            .collect();
         entries.insert(Self::CONFIG.to_owned(), self.config.clone());
         entries.insert(Self::VERSION.to_owned(), self.version.clone());
         entries.insert(Self::FINGERPRINT.to_owned(), self.fingerprint.clone());

@@ -83,8 +83,7 @@ impl Recording {
             traffic_read: census.traffic.read,
             traffic_lost_at_least: census.traffic.lost,
         };
-        let index =
-            Index { path: path.to_owned(), origin, chunks: chunks.into(), channels: census.channels };
+        let index = Index { path: path.to_owned(), origin, chunks: chunks.into(), channels: census.channels };
         Ok(Self { index, header, summary: census.summary, damage })
     }
 
@@ -173,7 +172,9 @@ impl Messages {
         let chunk = Chunk::read(&mut self.source, span).map_err(|error| io_error(&self.index.path, error))?;
         let changed = RecordError::Changed { path: self.index.path.clone(), offset: span.offset };
         for message in chunk.map_err(|_| changed)?.messages {
-            if let Some(topic) = self.index.channels.topic(&message).filter(|topic| self.wanted.contains(topic)) {
+            if let Some(topic) =
+                self.index.channels.topic(&message).filter(|topic| self.wanted.contains(topic))
+            {
                 self.queue.push_back((topic, message));
             }
         }

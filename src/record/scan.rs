@@ -77,7 +77,7 @@ pub(super) fn scan(source: &mut Source) -> io::Result<Result<Contents, NotMcap>>
         verified: MAGIC.len() as u64,
         limit,
         finished: tail.is_ok(),
-        open_index: BTreeMap::new(),
+        open_index: Some(BTreeMap::new()),
         findings_before_chunk: 0,
         source,
         contents,
@@ -125,8 +125,8 @@ struct Walk<'a> {
     limit: u64,
     /// True when the end of the file is whole.
     finished: bool,
-    /// Message index records that the last good chunk must be followed by.
-    open_index: BTreeMap<u16, Vec<MessageIndexEntry>>,
+    /// Message index records that must follow the last chunk; `None` behind a damaged one: nobody knows.
+    open_index: Option<BTreeMap<u16, Vec<MessageIndexEntry>>>,
     /// Number of findings when the last good chunk was counted.
     findings_before_chunk: usize,
 }
@@ -157,7 +157,7 @@ impl Walk<'_> {
     /// Goes on behind a broken record: at the next good chunk, or at the end of the data. False when neither is left.
     fn resume(&mut self) -> io::Result<bool> {
         if let Some((span, chunk)) = self.next_chunk(self.verified)? {
-            let damaged = self.verified.min(self.at)..span.offset.max(self.at + RECORD_HEAD);
+            let damaged = self.verified.min(self.at)..span.offset.max(self.at + ChunkSpan::FRONT);
             self.contents.find(damaged, "broken records");
             self.accept(span, chunk);
             self.at = span.end();
@@ -202,7 +202,10 @@ impl Walk<'_> {
                 if body.len() != 6 + 16 * index.records.len() {
                     return Ok(Step::Broken);
                 }
-                if self.open_index.remove(&index.channel_id).is_none_or(|entries| entries != index.records) {
+                let fits = self.open_index.as_mut().is_none_or(|open| {
+                    open.remove(&index.channel_id).is_some_and(|entries| entries == index.records)
+                });
+                if !fits {
                     self.contents.find(self.at..next, "a message index does not fit the chunk before it");
                 }
             }
@@ -217,13 +220,14 @@ impl Walk<'_> {
 
     fn chunk(&mut self, next: u64) -> io::Result<Step> {
         let front = self.source.read(self.at..self.at + ChunkSpan::FRONT)?;
-        let Some(span) = ChunkSpan::parse(self.at, &front).filter(|span| span.end() == next) else {
+        let Some([span, _]) = ChunkSpan::parse(self.at, &front).filter(|[shorter, longer]| shorter == longer)
+        else {
             return Ok(Step::Broken);
         };
         match Chunk::read(self.source, span)? {
             Ok(chunk) => self.accept(span, chunk),
             Err(error) => {
-                self.open_index.clear();
+                self.open_index = None;
                 self.contents.find(self.at..next, &format!("a chunk is damaged: {}", describe(&error)));
             }
         }
@@ -235,7 +239,7 @@ impl Walk<'_> {
         if !chunk.times_match() {
             self.contents.find(span.offset..span.offset + ChunkSpan::FRONT, "the times of a chunk are wrong");
         }
-        self.open_index = std::mem::take(&mut chunk.index);
+        self.open_index = Some(std::mem::take(&mut chunk.index));
         self.verified = span.end();
         let damage_known = self.contents.findings.len() > self.findings_before_chunk;
         for what in self.contents.census.count(&chunk, damage_known) {
@@ -258,7 +262,8 @@ impl Walk<'_> {
     fn data_end(&mut self, stated_crc: u32) -> io::Result<()> {
         let known = !self.contents.findings.is_empty();
         if stated_crc != 0 && !known && self.source.crc(0..self.at)? != stated_crc {
-            let what = "the checksum of the data section is wrong although all chunks and attachments are right";
+            let what =
+                "the checksum of the data section is wrong although all chunks and attachments are right";
             self.contents.find(0..self.at + DATA_END_RECORD, what);
         }
         Ok(())
@@ -271,14 +276,14 @@ impl Walk<'_> {
         while at < self.limit {
             // Fronts that straddle two windows are seen whole in the first.
             let bytes = self.source.read(at..self.limit.min(at + WINDOW + ChunkSpan::FRONT))?;
-            let starts = bytes.iter().take(WINDOW as usize).enumerate().filter(|(_, byte)| **byte == op::CHUNK);
+            let starts =
+                bytes.iter().take(WINDOW as usize).enumerate().filter(|(_, byte)| **byte == op::CHUNK);
             for (index, _) in starts {
-                let Some(span) = ChunkSpan::parse(at + index as u64, &bytes[index..]) else { continue };
-                if span.end() > self.limit {
-                    continue;
-                }
-                if let Ok(chunk) = Chunk::read(self.source, span)? {
-                    return Ok(Some((span, chunk)));
+                let spans = ChunkSpan::parse(at + index as u64, &bytes[index..]);
+                for span in spans.into_iter().flatten().filter(|span| span.fits(self.limit)) {
+                    if let Ok(chunk) = Chunk::read(self.source, span)? {
+                        return Ok(Some((span, chunk)));
+                    }
                 }
             }
             at += WINDOW;
