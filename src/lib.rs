@@ -10,6 +10,7 @@ pub mod device;
 pub mod dynamics;
 pub mod hil;
 pub mod imu;
+pub mod record;
 pub mod runtime;
 pub mod tick;
 pub mod time;

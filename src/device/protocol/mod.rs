@@ -4,12 +4,12 @@ use nalgebra::Vector3;
 
 use super::Traffic;
 
-pub mod text;
 pub mod detect;
 mod drops;
 pub mod native_can;
 pub mod native_serial;
 mod sync;
+pub mod text;
 
 use drops::DropCount;
 pub use sync::SyncEstimate;
