@@ -182,7 +182,7 @@ impl Content {
             return;
         }
         let clipped = self.hello.as_ref().is_some_and(|hello| {
-            // Half a count of slack: full scale itself is a rounded number.
+            // The highest count stands one below full scale; half a count more for rounding.
             let beyond = |values: [f32; 3], range: f64, count: f64| {
                 range > 0.0 && values.iter().any(|value| f64::from(value.abs()) >= range - 1.5 * count)
             };
