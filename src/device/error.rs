@@ -36,14 +36,12 @@ pub enum DeviceError {
     },
     /// The port exists but this user may not open it.
     #[error(
-        "{port}: permission denied\n\nhint: add yourself to the group that owns the port \
-         (`sudo usermod -aG {group} $USER`), log out and in again"
+        "{port}: permission denied\n\nhint: join the group that owns the port (`ls -l {port}` names it), then log out \
+         and in again; on most systems `sudo usermod -aG dialout $USER`"
     )]
     NoPermission {
         /// The port as given.
         port: String,
-        /// Group to join; `dialout` on most Linux systems.
-        group: String,
     },
     /// Another program holds the port.
     #[error(

@@ -75,7 +75,7 @@ pub struct LinkStatus {
     pub last_loss: Option<io::ErrorKind>,
     /// Times the connection was lost.
     pub losses: u64,
-    /// Times it was reopened after a loss.
+    /// Times it was reopened after a loss. The decoder should then [`protocol::PacketDecoder::rejoin`].
     pub reconnects: u64,
     /// Bytes of a recording that are no traffic: malformed lines of a candump log.
     pub bytes_skipped: u64,

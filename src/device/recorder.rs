@@ -51,7 +51,9 @@ mod tests {
     use crate::device::testing::{ScriptLink, drain};
 
     #[derive(Clone, Default)]
-    struct Pieces(Arc<Mutex<Vec<(HostTime, Vec<u8>)>>>);
+    struct Pieces(Arc<Mutex<Vec<Piece>>>);
+
+    type Piece = (HostTime, Vec<u8>);
 
     impl TrafficSink for Pieces {
         fn traffic(&mut self, at: HostTime, traffic: Traffic<'_>) {

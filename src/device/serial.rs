@@ -78,9 +78,10 @@ impl Link for SerialLink {
             return Ok(None);
         }
         let at = self.clock.now();
-        // More may have come while the first read returned. An error here shows again at the next call, after
-        // the bytes in hand are delivered.
-        while filled < BUFFER_BYTES {
+        // More may have come while the first read returned. Asked for before it is read, because a read that times
+        // out costs an error with a text on the heap. An error here shows again at the next call, after the bytes
+        // in hand are delivered.
+        while filled < BUFFER_BYTES && self.port.bytes_to_read().is_ok_and(|waiting| waiting > 0) {
             match self.read_some(filled, Duration::ZERO) {
                 Ok(0) | Err(_) => break,
                 Ok(count) => filled += count,
@@ -111,9 +112,7 @@ fn open_error(name: &str, error: &serialport::Error) -> DeviceError {
     let port = name.to_owned();
     match error.kind() {
         ErrorKind::Io(io::ErrorKind::NotFound) => DeviceError::NoSuchPort { port, hint: existing_ports() },
-        ErrorKind::Io(io::ErrorKind::PermissionDenied) => {
-            DeviceError::NoPermission { port, group: "dialout".to_owned() }
-        }
+        ErrorKind::Io(io::ErrorKind::PermissionDenied) => DeviceError::NoPermission { port },
         // serialport reports EBUSY and a failed lock with this kind, and nothing else on Unix.
         ErrorKind::NoDevice => DeviceError::Busy { port },
         kind => {
@@ -129,14 +128,18 @@ fn open_error(name: &str, error: &serialport::Error) -> DeviceError {
     }
 }
 
+/// Most ports named in an error text: some machines have dozens of built-in ones.
+const NAMED_PORTS: usize = 8;
+
 fn existing_ports() -> String {
-    let names: Vec<String> =
-        serialport::available_ports().unwrap_or_default().into_iter().map(|port| port.port_name).collect();
-    if names.is_empty() {
+    let ports = serialport::available_ports().unwrap_or_default();
+    if ports.is_empty() {
         return "no serial port was found; is the device plugged in? `otolith devices` lists ports"
             .to_owned();
     }
-    format!("serial ports here: {}", names.join(", "))
+    let names: Vec<&str> = ports.iter().map(|port| port.port_name.as_str()).take(NAMED_PORTS).collect();
+    let rest = if ports.len() > NAMED_PORTS { ", ... (`otolith devices` lists all)" } else { "" };
+    format!("serial ports here: {}{rest}", names.join(", "))
 }
 
 #[cfg(test)]

@@ -3,6 +3,8 @@
 // A helper of a test may fail the test.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+#[cfg(target_os = "linux")]
+mod can;
 mod closed_loop;
 mod imu_logs;
 mod observer_cases;

@@ -2,6 +2,7 @@ use super::*;
 use crate::device::mock::{MockChair, MockParams};
 use crate::device::protocol::native_serial::NativeSerialDecoder;
 use crate::device::protocol::{DecodeCounters, PacketDecoder};
+use crate::device::replay::CandumpReplay;
 use crate::device::testing::{ScriptLink, drain};
 
 fn injector(plan: FaultPlan) -> FaultInjector<ScriptLink> {
@@ -38,10 +39,23 @@ fn the_same_seed_gives_the_same_faults() {
 fn certain_faults_are_certain() {
     let count = |plan| drain(&mut injector(plan)).len();
     assert_eq!(count(FaultPlan { drop: 1.0, ..FaultPlan::default() }), 0);
+    assert_eq!(count(FaultPlan { disconnect: 1.0, disconnect_s: 1.0, ..FaultPlan::default() }), 0);
     assert_eq!(count(FaultPlan { duplicate: 1.0, ..FaultPlan::default() }), 2000);
     for (_, piece) in drain(&mut injector(FaultPlan { bit_flip_per_byte: 1.0, ..FaultPlan::default() })) {
         assert!(piece.windows(2).any(|pair| pair[0] != pair[1]) || piece[0] != 0, "bits are flipped");
     }
+}
+
+#[test]
+fn a_frame_of_a_bus_with_a_flipped_bit_never_arrives() {
+    let log = "(1.000000) can0 3A0#0011223344556677\n(1.001000) can0 3A1#\n";
+    let plan = FaultPlan { bit_flip_per_byte: 1.0, ..FaultPlan::default() };
+    let link = CandumpReplay::new("log".into(), log.as_bytes());
+    let mut link = FaultInjector::new(link, plan).expect("in range");
+    assert!(link.receive(Duration::ZERO).expect("plays").is_none());
+    // Nothing to flip in a frame without data.
+    let frame = Traffic::CanFrame { id: 0x3A1, extended: false, data: &[] };
+    assert_eq!(link.receive(Duration::ZERO).expect("plays"), Some((ms(1), frame)));
 }
 
 #[test]

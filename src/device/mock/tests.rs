@@ -4,6 +4,7 @@ use super::*;
 use crate::device::protocol::native_serial::NativeSerialDecoder;
 use crate::device::protocol::{ImuReading, PacketDecoder};
 use crate::device::testing::drain;
+use crate::units::RAD_S_PER_RPM;
 
 /// Every reading of a run with its arrival time, and the decoder that read it.
 fn run(params: MockParams) -> (Vec<(HostTime, ImuReading)>, NativeSerialDecoder) {

@@ -2,7 +2,7 @@
 
 use super::native_can::NativeCanDecoder;
 use super::native_serial::NativeSerialDecoder;
-use super::{DecodeCounters, ImuReading, PacketDecoder};
+use super::{DecodeCounters, DeviceInfo, ImuReading, PacketDecoder, SyncEstimate};
 use crate::device::{DeviceError, Selector, Traffic};
 
 /// Our protocol on a serial line.
@@ -114,6 +114,14 @@ impl PacketDecoder for AutoDecoder {
 
     fn announced_rate_hz(&self) -> Option<f64> {
         self.leader()?.announced_rate_hz()
+    }
+
+    fn device(&self) -> Option<&DeviceInfo> {
+        self.leader()?.device()
+    }
+
+    fn sync_estimate(&self) -> Option<SyncEstimate> {
+        self.leader()?.sync_estimate()
     }
 
     fn wire_bytes_per_sample(&self) -> Option<f64> {

@@ -53,6 +53,21 @@ pub struct DecodeCounters {
     pub device_dropped: u64,
 }
 
+/// What a device says about itself. Fields its protocol does not carry, or has not carried yet, are `None`.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+pub struct DeviceInfo {
+    /// Name, for people.
+    pub name: Option<String>,
+    /// Serial number.
+    pub device_id: Option<u32>,
+    /// Firmware version, major in the high byte.
+    pub firmware: Option<u16>,
+    /// Full scale of the gyro, rad/s: faster rotation is clipped.
+    pub gyro_range: Option<f64>,
+    /// Full scale of the accelerometer, m/s².
+    pub accel_range: Option<f64>,
+}
+
 /// Turns raw traffic into IMU readings. Sans-I/O: no clock, no port, and any bytes are legal input.
 pub trait PacketDecoder: Send {
     /// Short name of the protocol, as `--protocol` takes it.
@@ -63,6 +78,14 @@ pub trait PacketDecoder: Send {
     fn counters(&self) -> DecodeCounters;
     /// Nominal sample rate in Hz if the device announced one.
     fn announced_rate_hz(&self) -> Option<f64> {
+        None
+    }
+    /// What the device said about itself, once it has.
+    fn device(&self) -> Option<&DeviceInfo> {
+        None
+    }
+    /// Offset of the device's clock from the host's, once the device has answered a clock request.
+    fn sync_estimate(&self) -> Option<SyncEstimate> {
         None
     }
     /// Least number of bytes the serial line carries per sample, as far as is known; `None` before the device has
@@ -92,6 +115,12 @@ impl PacketDecoder for Box<dyn PacketDecoder> {
     }
     fn announced_rate_hz(&self) -> Option<f64> {
         (**self).announced_rate_hz()
+    }
+    fn device(&self) -> Option<&DeviceInfo> {
+        (**self).device()
+    }
+    fn sync_estimate(&self) -> Option<SyncEstimate> {
+        (**self).sync_estimate()
     }
     fn wire_bytes_per_sample(&self) -> Option<f64> {
         (**self).wire_bytes_per_sample()

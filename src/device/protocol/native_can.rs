@@ -1,12 +1,13 @@
 //! Our own protocol on classic CAN.
 
 use otolith_firmware_protocol::can::{
-    CanEvent, CanMessage, CanReceiver, CanSample, DEFAULT_BASE, Identity, Ids, NODE_STRIDE, Ranges, offset,
+    CanEvent, CanMessage, CanReceiver, CanSample, DEFAULT_BASE, Ids, NODE_STRIDE, Ranges, offset,
 };
 
 use super::native_serial::{at_end_of_range, scaled};
-use super::{DecodeCounters, DeviceTime, DropCount, ImuReading, PacketDecoder};
+use super::{DecodeCounters, DeviceInfo, DeviceTime, DropCount, ImuReading, PacketDecoder};
 use crate::device::Traffic;
+use crate::units::{RAD_PER_DEG, STANDARD_GRAVITY};
 
 /// Decodes the CAN protocol of `firmware-protocol`, of one node.
 ///
@@ -16,7 +17,7 @@ use crate::device::Traffic;
 pub struct NativeCanDecoder {
     receiver: Option<CanReceiver>,
     ranges: Option<Ranges>,
-    identity: Option<Identity>,
+    info: Option<DeviceInfo>,
     dropped: DropCount,
     withheld: u64,
     /// Bytes of traffic that is no CAN bus's.
@@ -29,16 +30,6 @@ impl NativeCanDecoder {
     pub fn new(node: Option<u8>) -> Self {
         let receiver = node.and_then(Ids::of_node).map(CanReceiver::new);
         Self { receiver, ..Self::default() }
-    }
-
-    /// Ranges and rate the device announced.
-    pub fn ranges(&self) -> Option<Ranges> {
-        self.ranges
-    }
-
-    /// Serial number and firmware version of the device.
-    pub fn identity(&self) -> Option<Identity> {
-        self.identity
     }
 
     /// Samples that could not be scaled, because they came before a DESC.
@@ -100,8 +91,17 @@ impl PacketDecoder for NativeCanDecoder {
         let Some(mut receiver) = self.receiver.take() else { return };
         receiver.push(id, data, |event| match event {
             CanEvent::Sample(sample) => self.take_sample(&sample, on_reading),
-            CanEvent::Message(CanMessage::Ranges(ranges)) if plausible(&ranges) => self.ranges = Some(ranges),
-            CanEvent::Message(CanMessage::Identity(identity)) => self.identity = Some(identity),
+            CanEvent::Message(CanMessage::Ranges(ranges)) if plausible(&ranges) => {
+                self.ranges = Some(ranges);
+                let info = self.info.get_or_insert_default();
+                info.gyro_range = Some(f64::from(ranges.gyro_range_dps) * RAD_PER_DEG);
+                info.accel_range = Some(f64::from(ranges.accel_range_g) * STANDARD_GRAVITY);
+            }
+            CanEvent::Message(CanMessage::Identity(identity)) => {
+                let info = self.info.get_or_insert_default();
+                info.device_id = Some(identity.device_id);
+                info.firmware = Some(identity.firmware);
+            }
             CanEvent::Message(CanMessage::Health(health)) => self.dropped.take_next(health.dropped),
             CanEvent::DeviceRestarted => self.dropped.restart(),
             CanEvent::Message(_) | CanEvent::Unreadable { .. } => {}
@@ -124,6 +124,10 @@ impl PacketDecoder for NativeCanDecoder {
 
     fn announced_rate_hz(&self) -> Option<f64> {
         self.ranges.map(|ranges| f64::from(ranges.rate_hz))
+    }
+
+    fn device(&self) -> Option<&DeviceInfo> {
+        self.info.as_ref()
     }
 }
 

@@ -6,7 +6,7 @@ use otolith_firmware_protocol::message::{BATCH_MAX_ROWS, Hello, Message, Sample1
 use otolith_firmware_protocol::stream::{Event, StreamDecoder, StreamEncoder};
 
 use super::sync::{ClockExchange, SyncEstimate};
-use super::{DecodeCounters, DeviceTime, DropCount, ImuReading, PacketDecoder};
+use super::{DecodeCounters, DeviceInfo, DeviceTime, DropCount, ImuReading, PacketDecoder};
 use crate::device::Traffic;
 use crate::units::{RAD_PER_DEG, STANDARD_GRAVITY};
 
@@ -32,39 +32,47 @@ pub struct CountScale {
     pub accel: f64,
 }
 
-/// What a device said about itself in its last HELLO.
+/// A HELLO, in SI units.
 #[derive(Clone, Debug, PartialEq)]
-pub struct DeviceInfo {
-    /// Serial number.
-    pub device_id: u32,
-    /// Firmware version, major in the high byte.
-    pub firmware: u16,
-    /// Name, for people.
-    pub name: String,
-    /// Nominal sample rate, Hz.
-    pub rate_hz: f64,
-    /// Scale of the counts.
-    pub scale: CountScale,
-    /// Full scale of the gyro, rad/s.
-    pub gyro_range: f64,
-    /// Full scale of the accelerometer, m/s².
-    pub accel_range: f64,
+struct Introduction {
+    info: DeviceInfo,
+    rate_hz: f64,
+    scale: CountScale,
+    gyro_range: f64,
+    accel_range: f64,
 }
 
-impl DeviceInfo {
+impl Introduction {
     /// `None` if the scales are no scales.
     fn read(hello: &Hello<'_>) -> Option<Self> {
         let scale = CountScale { gyro: f64::from(hello.gyro_scale), accel: f64::from(hello.accel_scale) };
         let usable = |scale: f64| scale.is_finite() && scale > 0.0;
-        (usable(scale.gyro) && usable(scale.accel)).then(|| Self {
-            device_id: hello.device_id,
-            firmware: hello.firmware,
-            name: hello.name_str().to_owned(),
-            rate_hz: f64::from(hello.rate_millihertz) / 1000.0,
-            scale,
-            gyro_range: f64::from(hello.gyro_range_dps) * RAD_PER_DEG,
-            accel_range: f64::from(hello.accel_range_g) * STANDARD_GRAVITY,
-        })
+        if !usable(scale.gyro) || !usable(scale.accel) {
+            return None;
+        }
+        let gyro_range = f64::from(hello.gyro_range_dps) * RAD_PER_DEG;
+        let accel_range = f64::from(hello.accel_range_g) * STANDARD_GRAVITY;
+        let info = DeviceInfo {
+            name: Some(hello.name_str().to_owned()),
+            device_id: Some(hello.device_id),
+            firmware: Some(hello.firmware),
+            gyro_range: Some(gyro_range),
+            accel_range: Some(accel_range),
+        };
+        let rate_hz = f64::from(hello.rate_millihertz) / 1000.0;
+        Some(Self { info, rate_hz, scale, gyro_range, accel_range })
+    }
+
+    /// True if `hello` says the same. It comes every second: only a new one is worth an allocation.
+    fn says(&self, hello: &Hello<'_>) -> bool {
+        self.info.device_id == Some(hello.device_id)
+            && self.info.firmware == Some(hello.firmware)
+            && self.info.name.as_deref() == Some(hello.name_str())
+            && self.rate_hz == f64::from(hello.rate_millihertz) / 1000.0
+            && self.scale.gyro == f64::from(hello.gyro_scale)
+            && self.scale.accel == f64::from(hello.accel_scale)
+            && self.gyro_range == f64::from(hello.gyro_range_dps) * RAD_PER_DEG
+            && self.accel_range == f64::from(hello.accel_range_g) * STANDARD_GRAVITY
     }
 }
 
@@ -93,16 +101,6 @@ impl NativeSerialDecoder {
         Self { content: Content { given_scale: Some(scale), ..Content::default() }, ..Self::default() }
     }
 
-    /// What the device said about itself, once it has.
-    pub fn device(&self) -> Option<&DeviceInfo> {
-        self.content.device.as_ref()
-    }
-
-    /// Offset of the device's clock, once it has answered a SYNC.
-    pub fn sync_estimate(&self) -> Option<SyncEstimate> {
-        self.content.clocks.best()
-    }
-
     /// Samples that could not be scaled, because they came before a HELLO.
     pub fn withheld(&self) -> u64 {
         self.content.withheld
@@ -113,7 +111,7 @@ impl NativeSerialDecoder {
 #[derive(Debug, Default)]
 struct Content {
     given_scale: Option<CountScale>,
-    device: Option<DeviceInfo>,
+    hello: Option<Introduction>,
     clocks: ClockExchange,
     dropped: DropCount,
     withheld: u64,
@@ -148,17 +146,10 @@ impl Content {
     }
 
     fn take_hello(&mut self, hello: &Hello<'_>) {
-        // The same HELLO comes every second: only a new one is worth an allocation.
-        let known = self.device.as_ref().is_some_and(|device| {
-            device.device_id == hello.device_id
-                && device.firmware == hello.firmware
-                && device.rate_hz == f64::from(hello.rate_millihertz) / 1000.0
-                && device.scale.gyro == f64::from(hello.gyro_scale)
-                && device.scale.accel == f64::from(hello.accel_scale)
-                && device.name == hello.name_str()
-        });
-        if !known && let Some(device) = DeviceInfo::read(hello) {
-            self.device = Some(device);
+        if !self.hello.as_ref().is_some_and(|known| known.says(hello))
+            && let Some(introduction) = Introduction::read(hello)
+        {
+            self.hello = Some(introduction);
         }
     }
 
@@ -169,7 +160,7 @@ impl Content {
     }
 
     fn take_counts(&mut self, sample: &Sample16, on_reading: &mut dyn FnMut(ImuReading)) {
-        let Some(scale) = self.device.as_ref().map(|device| device.scale).or(self.given_scale) else {
+        let Some(scale) = self.hello.as_ref().map(|hello| hello.scale).or(self.given_scale) else {
             self.withheld += 1;
             return;
         };
@@ -182,7 +173,7 @@ impl Content {
     }
 
     fn take_floats(&mut self, sample: &SampleF32, on_reading: &mut dyn FnMut(ImuReading)) {
-        if self.device.is_none() && self.given_scale.is_none() {
+        if self.hello.is_none() && self.given_scale.is_none() {
             self.withheld += 1;
             return;
         }
@@ -190,13 +181,13 @@ impl Content {
             self.not_finite += 1;
             return;
         }
-        let clipped = self.device.as_ref().is_some_and(|device| {
-            // Half a count of slack: full scale itself is a rounded number.
+        let clipped = self.hello.as_ref().is_some_and(|hello| {
+            // The highest count stands one below full scale; half a count more for rounding.
             let beyond = |values: [f32; 3], range: f64, count: f64| {
                 range > 0.0 && values.iter().any(|value| f64::from(value.abs()) >= range - 1.5 * count)
             };
-            beyond(sample.gyro, device.gyro_range, device.scale.gyro)
-                || beyond(sample.accel, device.accel_range, device.scale.accel)
+            beyond(sample.gyro, hello.gyro_range, hello.scale.gyro)
+                || beyond(sample.accel, hello.accel_range, hello.scale.accel)
         });
         on_reading(ImuReading {
             device_time: Some(device_time(sample.t_us)),
@@ -250,11 +241,19 @@ impl PacketDecoder for NativeSerialDecoder {
     }
 
     fn announced_rate_hz(&self) -> Option<f64> {
-        self.content.device.as_ref().map(|device| device.rate_hz).filter(|rate_hz| *rate_hz > 0.0)
+        self.content.hello.as_ref().map(|hello| hello.rate_hz).filter(|rate_hz| *rate_hz > 0.0)
+    }
+
+    fn device(&self) -> Option<&DeviceInfo> {
+        self.content.hello.as_ref().map(|hello| &hello.info)
+    }
+
+    fn sync_estimate(&self) -> Option<SyncEstimate> {
+        self.content.clocks.best()
     }
 
     fn wire_bytes_per_sample(&self) -> Option<f64> {
-        self.content.device.as_ref()?;
+        self.content.hello.as_ref()?;
         // Before the first sample: the densest form there is, so that a line refused for it is too slow for all.
         let densest = (FRAME_OVERHEAD + BATCH16_HEAD_BYTES + BATCH16_ROW_BYTES * BATCH_MAX_ROWS) as f64
             / BATCH_MAX_ROWS as f64;
@@ -262,7 +261,7 @@ impl PacketDecoder for NativeSerialDecoder {
     }
 
     fn poll_transmit(&mut self, host_time_us: u64, out: &mut [u8; 64]) -> Option<usize> {
-        self.content.device.as_ref()?;
+        self.content.hello.as_ref()?;
         let request = self.content.clocks.poll(host_time_us)?;
         let mut frame = [0; MAX_FRAME];
         let frame = self.encoder.encode(&Message::Sync(request), &mut frame).ok()?;

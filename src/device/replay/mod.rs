@@ -158,8 +158,11 @@ impl RelativeStamps {
     fn at(&mut self, stamp_ns: Option<u64>) -> HostTime {
         let Some(stamp) = stamp_ns else { return self.last };
         let base = *self.base.get_or_insert(stamp);
-        let at = (self.base_at + stamp).saturating_sub(base);
-        if at + DISORDER_NS < self.last.0 {
+        let at = match stamp.checked_sub(base) {
+            Some(ahead) => self.base_at.saturating_add(ahead),
+            None => self.base_at.saturating_sub(base - stamp),
+        };
+        if at.saturating_add(DISORDER_NS) < self.last.0 {
             // The logger was restarted: go on from here.
             self.base = Some(stamp);
             self.base_at = self.last.0;

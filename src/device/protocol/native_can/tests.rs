@@ -7,7 +7,6 @@ use otolith_firmware_protocol::can::{HalfSample, Health, Time};
 use super::*;
 use crate::device::replay;
 use crate::device::testing::{from_hex, golden_frames};
-use crate::units::{RAD_PER_DEG, STANDARD_GRAVITY};
 
 const RANGES: CanMessage =
     CanMessage::Ranges(Ranges { gyro_range_dps: 500, accel_range_g: 4, rate_hz: 1000 });
@@ -46,7 +45,9 @@ fn the_golden_frames_give_the_stated_values() {
     }
     assert_eq!((decoder.withheld(), decoder.counters().packets), (1, frames.len() as u64));
     assert_eq!(decoder.announced_rate_hz(), Some(1000.0));
-    assert_eq!(decoder.identity(), Some(Identity { device_id: 0x00C0_FFEE, firmware: 0x0102 }));
+    let device = decoder.device().expect("has described itself");
+    assert_eq!((device.device_id, device.firmware), (Some(0x00C0_FFEE), Some(0x0102)));
+    assert!((device.gyro_range.expect("announced") - 500.0 * RAD_PER_DEG).abs() < 1e-12);
 
     assert!(push(&mut decoder, frames[0].0, &frames[0].1).is_empty());
     let [reading] = push(&mut decoder, frames[1].0, &frames[1].1)[..] else { panic!("one sample") };
