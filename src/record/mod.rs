@@ -26,11 +26,12 @@
 //! is covered by the CRCs of the data section and of the summary section, and by comparing the magic.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 
 mod cdr;
 mod census;
 mod chunk;
+mod damage;
+mod error;
 mod layout;
 mod reader;
 mod scan;
@@ -41,8 +42,9 @@ mod verify;
 mod writer;
 
 pub use census::RecordedTick;
+pub use damage::{DamageReport, Finding};
+pub use error::RecordError;
 pub use reader::{Events, RecordedTraffic, Recording, Ticks, TrafficPieces};
-pub use scan::{DamageReport, Finding};
 pub use verify::{Difference, VerifyReport, verify};
 pub use writer::{FileReport, Recorder};
 
@@ -96,76 +98,6 @@ impl RecordingHeader {
             fingerprint: text(Self::FINGERPRINT).unwrap_or_default(),
         })
     }
-}
-
-/// Why a recording could not be written or read at all.
-#[derive(Debug, thiserror::Error)]
-pub enum RecordError {
-    /// The file is there and may not be overwritten.
-    #[error("{}: the file exists already\n\nhint: choose another name, or overwrite it with --force", path.display())]
-    Exists {
-        /// The file.
-        path: PathBuf,
-    },
-    /// The folder for a new file is missing.
-    #[error("{}: there is no folder {} to write into\n\nhint: create it first: mkdir -p {}",
-        path.display(), folder.display(), folder.display())]
-    NoFolder {
-        /// The file.
-        path: PathBuf,
-        /// Its folder.
-        folder: PathBuf,
-    },
-    /// The operating system refused.
-    #[error("{}: cannot {action}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What was tried.
-        action: &'static str,
-        /// What the operating system said.
-        source: std::io::Error,
-    },
-    /// The recording could not be encoded.
-    #[error("{}: cannot write the recording: {source}", path.display())]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// What the MCAP library said.
-        source: Box<mcap::McapError>,
-    },
-    /// The file holds nothing.
-    #[error("{}: the file is empty: 0 bytes, expected a recording\n\nhint: the disk may have been full, or the recording was stopped before it began", path.display())]
-    Empty {
-        /// The file.
-        path: PathBuf,
-    },
-    /// The file is something else.
-    #[error("{}: not a recording: it starts with {found:?}, expected the MCAP magic {:?}\n\nhint: text logs need a mapping file: --log-map configs/logs/NAME.toml", path.display(), "\\x89MCAP0\\r\\n")]
-    NotMcap {
-        /// The file.
-        path: PathBuf,
-        /// Its first bytes, escaped.
-        found: String,
-    },
-    /// The file is, or was, MCAP, but neither configuration nor data of ours can be read.
-    #[error("{}: nothing usable in {bytes} bytes: {reason}\n\nhint: only recordings made by otolith can be replayed", path.display())]
-    NothingUsable {
-        /// The file.
-        path: PathBuf,
-        /// Its length.
-        bytes: u64,
-        /// The first damage found.
-        reason: String,
-    },
-    /// A part that was good a moment ago is not any more.
-    #[error("{}: the file changed at byte {offset} while it was being read", path.display())]
-    Changed {
-        /// The file.
-        path: PathBuf,
-        /// Where.
-        offset: u64,
-    },
 }
 
 #[cfg(test)]

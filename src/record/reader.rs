@@ -7,7 +7,8 @@ use std::sync::Arc;
 
 use super::census::{Channels, RecordedTick, TickJoiner};
 use super::chunk::{Chunk, ChunkSpan, Message};
-use super::scan::{Contents, DamageReport, scan};
+use super::damage::DamageReport;
+use super::scan::{Contents, scan};
 use super::source::{Origin, Source};
 use super::topic::Topic;
 use super::{RecordError, RecordingHeader, layout};

@@ -1,7 +1,6 @@
 //! The tolerant walk over a whole file: what is good, what is damaged, and where.
 
 use std::collections::BTreeMap;
-use std::fmt;
 use std::io;
 use std::ops::Range;
 
@@ -10,42 +9,9 @@ use mcap::{MAGIC, McapError};
 
 use super::census::Census;
 use super::chunk::{Chunk, ChunkSpan, MAX_RECORD, RECORD_HEAD};
+use super::damage::Finding;
 use super::source::Source;
 use super::tail::{DATA_END_RECORD, Tail, read_tail};
-
-/// One damaged place.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
-pub struct Finding {
-    /// First damaged byte, or first byte of the part that holds the damage.
-    pub offset: u64,
-    /// First byte after that part.
-    pub end: u64,
-    /// What is wrong with it.
-    pub what: String,
-}
-
-impl fmt::Display for Finding {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "bytes {} to {}: {}", self.offset, self.end, self.what)
-    }
-}
-
-/// The state of a recording.
-#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize)]
-pub struct DamageReport {
-    /// Damaged places in the order of discovery.
-    pub findings: Vec<Finding>,
-    /// Ticks that can be read.
-    pub ticks_read: u64,
-    /// Ticks known to be lost; a cut file may have held more.
-    pub ticks_lost_at_least: u64,
-    /// Pieces of raw traffic that can be read.
-    pub traffic_read: u64,
-    /// Pieces of raw traffic known to be lost.
-    pub traffic_lost_at_least: u64,
-    /// True when the file is whole: finished, every checksum right, nothing lost.
-    pub complete: bool,
-}
 
 /// What a walk found.
 #[derive(Debug, Default)]
@@ -145,13 +111,7 @@ impl Walk<'_> {
                 }
             }
         }
-        let what = match self.finished {
-            true => "the record that ends the data is damaged",
-            false => "the file ends here: it was cut, or the recording was not finished",
-        };
-        let last = if self.finished { self.limit - DATA_END_RECORD } else { self.limit };
-        self.contents.find(last..self.limit, what);
-        Ok(false)
+        Ok(self.ends_early(self.limit))
     }
 
     /// Goes on behind a broken record: at the next good chunk, or at the end of the data. False when neither is left.
@@ -169,12 +129,19 @@ impl Walk<'_> {
             self.at = data_end;
             return Ok(true);
         }
-        let what = match self.finished {
-            true => "the record that ends the data is damaged",
-            false => "the file ends inside a record: it was cut, or the recording was not finished",
-        };
-        self.contents.find(self.verified..self.limit, what);
-        Ok(false)
+        Ok(self.ends_early(self.verified))
+    }
+
+    /// Notes that the data section lacks its end, with nothing readable from `from` on; always false.
+    fn ends_early(&mut self, from: u64) -> bool {
+        if self.finished {
+            let last = from.min(self.limit - DATA_END_RECORD);
+            self.contents.find(last..self.limit, "the record that ends the data is damaged");
+        } else {
+            let what = "the file ends early: it was cut, or the recording was not finished";
+            self.contents.find(from..self.limit, what);
+        }
+        false
     }
 
     /// Looks at the record at `self.at`.
@@ -209,13 +176,18 @@ impl Walk<'_> {
                     self.contents.find(self.at..next, "a message index does not fit the chunk before it");
                 }
             }
-            (op::DATA_END, Some(Record::DataEnd(end))) if body.len() == 4 => {
+            (op::DATA_END, Some(Record::DataEnd(end))) if body.len() == 4 && self.may_end(next) => {
                 self.data_end(end.data_section_crc)?;
                 return Ok(Step::End);
             }
             _ => return Ok(Step::Broken),
         }
         Ok(Step::Next(next))
+    }
+
+    /// The data section may end at `next`: where the checked end of the file says, if there is one.
+    fn may_end(&self, next: u64) -> bool {
+        !self.finished || next == self.limit
     }
 
     fn chunk(&mut self, next: u64) -> io::Result<Step> {

@@ -7,13 +7,14 @@ use std::path::Path;
 use nalgebra::{Vector2, Vector3};
 use proptest::prelude::*;
 
-use super::cdr::DecodeError;
 use super::*;
 use crate::device::Traffic;
-use crate::imu::{ImuSample, LinkHealth};
+use crate::imu::LinkHealth;
 use crate::tick::{CharacterOutput, PlatformMotion, Posture, TickInput, TickOutput};
-use crate::time::{HostTime, Tick};
+use crate::time::Tick;
 use crate::vestibular::{HeadMotion, Perception};
+
+mod layouts;
 
 /// Numbers without end from a seed: all bit patterns, so also NaN payloads, infinities and subnormals.
 struct Bits(u64);
@@ -37,6 +38,10 @@ impl Bits {
         }
     }
 
+    fn flag(&mut self) -> bool {
+        self.next() & 1 == 1
+    }
+
     fn vector(&mut self) -> Vector3<f64> {
         Vector3::new(self.f64(), self.f64(), self.f64())
     }
@@ -52,7 +57,7 @@ impl Bits {
             gravity_tilt: self.f64(),
             com_platform: self.vector(),
             com_sway: self.f64(),
-            cop_platform: (self.next() % 3 > 0).then(|| Vector2::new(self.f64(), self.f64())),
+            cop_platform: self.flag().then(|| Vector2::new(self.f64(), self.f64())),
             constraint_residual: self.f64(),
             saturated_joints: self.next() as u8,
             posture: [Posture::Standing, Posture::Fallen][self.next() as usize % 2],
@@ -65,9 +70,9 @@ impl Bits {
         let chair = HeadMotion { omega_head: self.vector(), gif_head: self.vector() };
         let input = TickInput {
             tick: Tick(tick),
-            chair: (self.next() % 3 > 0).then_some(chair),
+            chair: self.flag().then_some(chair),
             link: links[self.next() as usize % 4],
-            respawn: self.next() % 2 == 0,
+            respawn: self.flag(),
         };
         let platform = PlatformMotion { angle: self.f64(), rate: self.f64(), acceleration: self.f64() };
         let output =
@@ -220,6 +225,24 @@ fn several_damages_are_all_found() {
     assert_eq!(recording.damage().findings.len(), 3);
 }
 
+#[test]
+fn a_killed_recorder_loses_the_last_100_ms_at_most() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("killed.mcap");
+    let mut recorder = Recorder::create(&path, false, &header()).unwrap();
+    let mut bits = Bits(11);
+    let ticks: Vec<_> = (0..250).map(|tick| bits.tick(tick)).collect();
+    for (input, output) in &ticks {
+        recorder.tick(input, output).unwrap();
+    }
+    // Nothing of it runs any more, as after a kill.
+    std::mem::forget(recorder);
+    let recording = Recording::open(&path).unwrap();
+    assert!(!recording.damage().complete);
+    assert!(read_back(&recording, &ticks) >= 150);
+    assert_eq!(recording.header(), Some(&header()));
+}
+
 /// Where the chunks of a whole file begin.
 fn chunk_offsets(bytes: &[u8]) -> Vec<usize> {
     let mut at = 8;
@@ -337,143 +360,16 @@ fn verification_stops_at_a_gap() {
 }
 
 #[test]
-fn the_schema_texts_are_the_tables_of_the_layouts() {
-    let (input, output) = Bits(1).tick(5);
-    let mut fields = Schema::default();
-    layout::input_fields(&input, &mut fields);
-    assert_eq!(fields.paths, schema_fields(include_str!("msg/TickInput.msg")));
-    let mut fields = Schema::default();
-    layout::output_fields(&output, &mut fields);
-    assert_eq!(fields.paths, schema_fields(include_str!("msg/TickOutput.msg")));
-}
-
-/// Paths and types of the fields as the layout writes them.
-#[derive(Default)]
-struct Schema {
-    scope: Vec<&'static str>,
-    paths: Vec<String>,
-}
-
-impl Schema {
-    fn note(&mut self, kind: &str, name: &'static str) {
-        self.paths.push(format!("{kind} {}", [self.scope.as_slice(), &[name]].concat().join(".")));
-    }
-}
-
-impl layout::FieldSink for Schema {
-    fn u8(&mut self, name: &'static str, _: u8) {
-        self.note("uint8", name);
-    }
-    fn u64(&mut self, name: &'static str, _: u64) {
-        self.note("uint64", name);
-    }
-    fn f64(&mut self, name: &'static str, _: f64) {
-        self.note("float64", name);
-    }
-    fn enter(&mut self, name: &'static str) {
-        self.scope.push(name);
-    }
-    fn leave(&mut self) {
-        self.scope.pop();
-    }
-}
-
-/// Paths and types of the basic fields of a message definition, in order.
-fn schema_fields(text: &str) -> Vec<String> {
-    fn expand(types: &BTreeMap<&str, Vec<(&str, &str)>>, kind: &str, prefix: &str, out: &mut Vec<String>) {
-        for (field_kind, name) in &types[kind] {
-            let path = format!("{prefix}{name}");
-            match *field_kind {
-                "bool" => out.push(format!("uint8 {path}")),
-                basic @ ("uint8" | "uint64" | "float64") => out.push(format!("{basic} {path}")),
-                nested => {
-                    let nested = nested.rsplit('/').next().unwrap();
-                    expand(types, nested, &format!("{path}."), out);
-                }
-            }
-        }
-    }
-    let mut types: BTreeMap<&str, Vec<(&str, &str)>> = BTreeMap::new();
-    let mut current = "";
-    for line in text.lines() {
-        let line = line.split('#').next().unwrap().trim();
-        if let Some(name) =
-            line.strip_prefix("MSG: otolith_msgs/").or(line.strip_prefix("MSG: geometry_msgs/"))
-        {
-            current = name;
-        } else if let Some((kind, name)) = line.split_once(' ') {
-            types.entry(current).or_default().push((kind, name.trim()));
-        }
-    }
-    let mut out = Vec::new();
-    expand(&types, "", "", &mut out);
-    out
-}
-
-#[test]
-fn the_lengths_are_those_of_the_tables() {
-    let (input, output) = Bits(1).tick(5);
-    let mut bytes = Vec::new();
-    layout::encode_input(&mut bytes, &input);
-    assert_eq!(bytes.len(), 68);
-    assert_eq!(bytes[12..20], 5_u64.to_le_bytes());
-    layout::encode_output(&mut bytes, &output);
-    assert_eq!(bytes.len(), 391);
-    assert_eq!(bytes[44 + 160..][..8], output.green.state_hash.to_le_bytes());
-    assert_eq!(bytes[220 + 160..][..8], output.blue.state_hash.to_le_bytes());
-}
-
-#[test]
-fn an_imu_sample_has_the_bytes_of_ros() {
-    let sample = ImuSample {
-        at: HostTime(3_000_000_007),
-        omega_imu: Vector3::new(1.0, 2.0, 3.0),
-        specific_force_imu: Vector3::new(4.0, 5.0, 6.0),
-    };
-    let mut bytes = Vec::new();
-    layout::encode_imu(&mut bytes, &sample);
-    // 4 encapsulation, 8 stamp, 4 + 4 "imu\0", then 37 doubles.
-    assert_eq!(bytes.len(), 4 + 16 + 37 * 8);
-    assert_eq!(bytes[4..20], *b"\x03\0\0\0\x07\0\0\0\x04\0\0\0imu\0");
-    let double = |index: usize| f64::from_le_bytes(bytes[20 + 8 * index..][..8].try_into().unwrap());
-    assert_eq!([double(3), double(4), double(5)], [1.0, -1.0, 0.0]);
-    assert_eq!([double(13), double(15), double(25), double(27)], [1.0, 3.0, 4.0, 6.0]);
-}
-
-#[test]
-fn another_layout_version_is_named() {
-    let mut bytes = Vec::new();
-    layout::encode_input(&mut bytes, &Bits(1).tick(5).0);
-    bytes[4] = 9;
-    assert_eq!(layout::decode_input(&bytes), Err(DecodeError::Layout { got: 9, expected: 1 }));
+fn recorder_and_readers_may_move_to_another_thread() {
+    fn movable<T: Send + 'static>() {}
+    movable::<Recorder>();
+    movable::<Recording>();
+    movable::<Ticks>();
+    movable::<TrafficPieces>();
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
-
-    #[test]
-    fn ticks_keep_their_bits(seed: u64, tick: u64) {
-        let (input, output) = Bits(seed).tick(tick);
-        let mut bytes = Vec::new();
-        layout::encode_input(&mut bytes, &input);
-        let input_again = layout::decode_input(&bytes).unwrap();
-        layout::encode_output(&mut bytes, &output);
-        let output_again = layout::decode_output(&bytes).unwrap();
-        prop_assert_eq!(bits(&input_again, &output_again), bits(&input, &output));
-        prop_assert_eq!(input_again.chair.is_some(), input.chair.is_some());
-        prop_assert_eq!(output_again.green.cop_platform.is_some(), output.green.cop_platform.is_some());
-        let y = |output: &TickOutput| output.blue.com_platform.y.to_bits();
-        prop_assert_eq!(y(&output_again), y(&output));
-    }
-
-    #[test]
-    fn traffic_keeps_its_bytes(data: Vec<u8>, id: u32, extended: bool) {
-        for traffic in [Traffic::Bytes(&data), Traffic::CanFrame { id, extended, data: &data }] {
-            let mut bytes = Vec::new();
-            layout::encode_traffic(&mut bytes, traffic);
-            prop_assert_eq!(layout::decode_traffic(&bytes), Ok(traffic));
-        }
-    }
 
     #[test]
     fn garbage_after_the_magic_is_survived(garbage in prop::collection::vec(any::<u8>(), 0..400)) {

@@ -23,9 +23,6 @@ const CHUNK_BYTES: usize = 64 * 1024;
 const CHUNK_SPAN: Duration = Duration::from_millis(100);
 /// Bytes around each message in a chunk: opcode, length, channel, sequence and two times.
 const MESSAGE_OVERHEAD: usize = 31;
-/// Fastest level of zstd: bits of floats hardly compress any better at higher ones.
-const ZSTD_LEVEL: u32 = 1;
-
 /// What a finished recording holds.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct FileReport {
@@ -78,7 +75,6 @@ impl Recorder {
             let mut mcap = WriteOptions::new()
                 .profile("ros2")
                 .library(concat!("otolith ", env!("CARGO_PKG_VERSION")))
-                .compression_level(ZSTD_LEVEL)
                 .compression_threads(0)
                 // Without seeking a chunk is built in memory and written whole: the file only ever grows.
                 .disable_seeking(true)
