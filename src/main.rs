@@ -1,3 +1,5 @@
 //! The `otolith` command.
 
-fn main() {}
+fn main() -> std::process::ExitCode {
+    otolith::cli::main()
+}

@@ -86,3 +86,8 @@ impl Clock for SystemClock {
         }
     }
 }
+
+/// The date and time now, UTC, as `20261122-163005`: for names of new folders.
+pub fn utc_now_compact() -> String {
+    jiff::Timestamp::now().strftime("%Y%m%d-%H%M%S").to_string()
+}

@@ -1,3 +1,72 @@
-//! The commands: arguments in, a summary or an error out. Only `main` prints and exits.
+//! The command line: one file per command. Results go to stdout, all else to stderr.
 
+mod assemble;
+mod demo;
+mod devices;
+mod failure;
+mod inspect;
 pub mod perceive;
+mod replay;
+mod run;
+mod session;
+mod show;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+pub use failure::{Failure, FailureKind};
+
+/// Strap any IMU to a chair and watch, live, what the inner ear believes and how a body that trusts it sways.
+///
+/// Exit codes: 0 done, 1 failed, 2 usage or configuration, 3 data lost or damaged.
+#[derive(Debug, Parser)]
+#[command(name = "otolith", version, after_help = "Examples:\n  \
+    otolith demo                                      a mock chair: 30 rpm for 15 s\n  \
+    otolith run --device serial:/dev/ttyUSB0 --out my-run --record my-run.mcap\n  \
+    otolith run --device replay:log.txt --log-map configs/logs/turntable-lsm9ds1.toml --pace max\n  \
+    otolith replay my-run.mcap --verify")]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    /// Print one JSON object instead of text.
+    #[arg(long, global = true)]
+    json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Spin a mock chair and show what both characters do.
+    Demo(demo::DemoArgs),
+    /// Drive both characters from a device, a log or a mock.
+    Run(Box<run::RunArgs>),
+    /// Run a recording again; with --verify compare every bit.
+    Replay(replay::ReplayArgs),
+    /// Run the vestibular observer alone over a CSV of head motion.
+    Perceive(perceive::PerceiveArgs),
+    /// List serial ports and CAN interfaces, and whether you may open them.
+    Devices,
+    /// Say what a recording, a log or a raw capture holds.
+    Inspect(inspect::InspectArgs),
+}
+
+/// Parses the arguments of the process, runs the command, and gives its exit code.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let json = cli.json;
+    let result = match &cli.command {
+        Command::Demo(args) => demo::run(args, json),
+        Command::Run(args) => run::run(args, json),
+        Command::Replay(args) => replay::run(args, json),
+        Command::Perceive(args) => perceive::run(args).map_err(Failure::from).and_then(|summary| {
+            show::result(&summary, json)?;
+            Ok(ExitCode::SUCCESS)
+        }),
+        Command::Devices => devices::run(json),
+        Command::Inspect(args) => inspect::run(args, json),
+    };
+    result.unwrap_or_else(|failure| {
+        show::note(&format!("error: {failure}"));
+        failure.exit_code()
+    })
+}

@@ -41,7 +41,7 @@ impl Default for ImuSettings {
             level: true,
             find_gyro_bias: true,
             scale_rest_norm: true,
-            hold_limit_s: 0.05,
+            hold_limit_s: 0.2,
             nominal_rate_hz: None,
             rest: RestLimits::default(),
         }

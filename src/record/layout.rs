@@ -4,7 +4,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::cdr::{CdrReader, CdrWriter, DecodeError};
 use crate::device::Traffic;
-use crate::imu::{ImuSample, LinkHealth};
+use crate::imu::{HeadSample, LinkHealth};
 use crate::tick::{CharacterOutput, PlatformMotion, Posture, TickInput, TickOutput};
 use crate::time::Tick;
 use crate::vestibular::{HeadMotion, Perception};
@@ -194,19 +194,20 @@ pub(super) fn decode_traffic(message: &[u8]) -> Result<Traffic<'_>, DecodeError>
     }
 }
 
-/// Writes an IMU sample into `bytes` as `sensor_msgs/msg/Imu`, its stamp counted from the start of the run.
-pub(super) fn encode_imu(bytes: &mut Vec<u8>, sample: &ImuSample) {
+/// Writes an IMU sample into `bytes` as `sensor_msgs/msg/Imu` in chair axes (after calibration and mount), its stamp
+/// counted from the start of the run.
+pub(super) fn encode_imu(bytes: &mut Vec<u8>, sample: &HeadSample) {
     const NS_PER_S: u64 = 1_000_000_000;
     let mut cdr = CdrWriter::start(bytes);
     cdr.i32(i32::try_from(sample.at.0 / NS_PER_S).unwrap_or(i32::MAX));
     cdr.u32((sample.at.0 % NS_PER_S) as u32);
-    cdr.string("imu");
+    cdr.string("chair");
     // The orientation is not known: ROS marks that by -1 in front of its covariance. The unit quaternion keeps
     // tools alive that normalise without looking.
     const NO_ORIENTATION: [f64; 13] = [0., 0., 0., 1., -1., 0., 0., 0., 0., 0., 0., 0., 0.];
     const UNKNOWN_COVARIANCE: [f64; 9] = [0.; 9];
     NO_ORIENTATION.iter().for_each(|&value| cdr.f64(value));
-    for vector in [&sample.omega_imu, &sample.specific_force_imu] {
+    for vector in [sample.motion.omega_head, -sample.motion.gif_head] {
         vector.iter().chain(&UNKNOWN_COVARIANCE).for_each(|&value| cdr.f64(value));
     }
 }

@@ -13,7 +13,7 @@ use mcap::{Attachment, McapError, WriteOptions, Writer};
 use super::topic::Topic;
 use super::{RecordError, RecordingHeader, layout};
 use crate::device::Traffic;
-use crate::imu::ImuSample;
+use crate::imu::HeadSample;
 use crate::tick::{TickInput, TickOutput};
 use crate::time::HostTime;
 
@@ -112,11 +112,11 @@ impl Recorder {
         self.flush_when_due(at)
     }
 
-    /// Records an IMU sample.
+    /// Records an IMU sample in chair axes.
     ///
     /// # Errors
     /// As [`Recorder::traffic`].
-    pub fn imu_sample(&mut self, sample: &ImuSample) -> Result<(), RecordError> {
+    pub fn chair_sample(&mut self, sample: &HeadSample) -> Result<(), RecordError> {
         layout::encode_imu(&mut self.message, sample);
         self.append(Topic::Imu, sample.at)?;
         self.flush_when_due(sample.at)

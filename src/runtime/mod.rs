@@ -2,6 +2,40 @@
 
 mod core;
 mod figure;
+mod journal;
+mod live;
+mod offline;
+mod sched;
+mod source;
+mod status;
 
-pub use core::{Core, CoreSettings, CoreSettingsError, Push};
+pub use self::core::{Core, CoreSettings, CoreSettingsError, Push};
 pub use figure::Vestibular;
+pub use journal::{Event, Journal};
+pub use live::{LiveSettings, LiveSettingsError, Signals, run_live};
+pub use offline::run_offline;
+pub use source::{Polled, Source, SourceFacts, SourceSink};
+pub use status::{LiveStatus, StatusLine};
+
+use crate::imu::ResampleCounters;
+use crate::report::TickTimes;
+use crate::time::Tick;
+
+/// How a run went.
+#[derive(Debug)]
+pub struct RunOutcome {
+    /// Ticks that ran.
+    pub ticks: u64,
+    /// Number the next tick would have had: simulated time, skipped ticks included.
+    pub last_tick: Tick,
+    /// CPU time of the control thread in each tick.
+    pub times: TickTimes,
+    /// Ticks skipped because they were due too long ago.
+    pub overruns: u64,
+    /// Ticks that ran later than one tick after their time.
+    pub late_ticks: u64,
+    /// Samples, ticks and pieces of traffic that a full queue swallowed.
+    pub dropped: u64,
+    /// Counters of the resampler.
+    pub resample: ResampleCounters,
+}

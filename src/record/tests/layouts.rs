@@ -9,9 +9,10 @@ use super::super::cdr::DecodeError;
 use super::super::layout;
 use super::{Bits, bits};
 use crate::device::Traffic;
-use crate::imu::ImuSample;
+use crate::imu::HeadSample;
 use crate::tick::TickOutput;
 use crate::time::HostTime;
+use crate::vestibular::HeadMotion;
 
 #[test]
 fn the_schema_texts_are_the_tables_of_the_layouts() {
@@ -102,17 +103,15 @@ fn the_lengths_are_those_of_the_tables() {
 
 #[test]
 fn an_imu_sample_has_the_bytes_of_ros() {
-    let sample = ImuSample {
-        at: HostTime(3_000_000_007),
-        omega_imu: Vector3::new(1.0, 2.0, 3.0),
-        specific_force_imu: Vector3::new(4.0, 5.0, 6.0),
-    };
+    let motion =
+        HeadMotion { omega_head: Vector3::new(1.0, 2.0, 3.0), gif_head: Vector3::new(-4.0, -5.0, -6.0) };
+    let sample = HeadSample { at: HostTime(3_000_000_007), motion };
     let mut bytes = Vec::new();
     layout::encode_imu(&mut bytes, &sample);
-    // 4 encapsulation, 8 stamp, 4 + 4 "imu\0", then 37 doubles.
-    assert_eq!(bytes.len(), 4 + 16 + 37 * 8);
-    assert_eq!(bytes[4..20], *b"\x03\0\0\0\x07\0\0\0\x04\0\0\0imu\0");
-    let double = |index: usize| f64::from_le_bytes(bytes[20 + 8 * index..][..8].try_into().unwrap());
+    // 4 encapsulation, 8 stamp, 4 + 6 "chair\0", 6 to align, then 37 doubles.
+    assert_eq!(bytes.len(), 4 + 24 + 37 * 8);
+    assert_eq!(bytes[4..22], *b"\x03\0\0\0\x07\0\0\0\x06\0\0\0chair\0");
+    let double = |index: usize| f64::from_le_bytes(bytes[28 + 8 * index..][..8].try_into().unwrap());
     assert_eq!([double(3), double(4), double(5)], [1.0, -1.0, 0.0]);
     assert_eq!([double(13), double(15), double(25), double(27)], [1.0, 3.0, 4.0, 6.0]);
 }

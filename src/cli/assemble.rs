@@ -1,0 +1,118 @@
+//! From a configuration to a source: the one place that joins link, decoder and IMU path.
+
+use std::io::Read;
+use std::path::Path;
+use std::sync::Arc;
+
+use super::failure::Failure;
+use crate::config::{Config, ConfigError, Sensor};
+use crate::device::protocol::PacketDecoder;
+use crate::device::protocol::detect::{TEXT, decoder_by_name, decoder_for};
+use crate::device::protocol::text::{TextDecoder, TextMapping};
+use crate::device::replay::{self, FileKind};
+use crate::device::{self, DeviceError, LineStamper, Link, Selector, pacer::Paced};
+use crate::imu::ImuPipeline;
+use crate::runtime::Source;
+use crate::time::Clock;
+
+/// How fast a run goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum Pace {
+    /// In real time.
+    Real,
+    /// As fast as the machine goes.
+    Max,
+}
+
+/// Bytes of a text log that are held against the mapping before the run.
+const LOG_PROBE_BYTES: u64 = 64 * 1024;
+
+/// Opens the device of `config` and everything between it and head samples.
+pub(super) fn open_source(
+    config: &Config,
+    selector: &Selector,
+    gravity: f64,
+    pace: Pace,
+    clock: &Arc<dyn Clock>,
+) -> Result<Source, Failure> {
+    let sensor = config.sensor()?;
+    check_text_log(config, selector, &sensor)?;
+    let live = matches!(selector, Selector::Serial { .. } | Selector::Can { .. });
+    if live && pace == Pace::Max {
+        return Err(Failure::usage(format!(
+            "{selector}: a device runs in real time, --pace max is for recordings and mocks\n\nhint: leave --pace out"
+        )));
+    }
+    let decoder = decoder(config.protocol.as_deref(), selector, sensor.mapping.as_ref())?;
+    let stamper = sensor.mapping.as_ref().filter(|_| decoder.protocol() == TEXT).map(line_stamper);
+    let link = device::open(selector, clock, stamper)?;
+    let link: Box<dyn Link> = match pace {
+        Pace::Real if !live => Box::new(Paced::new(link, clock.clone(), 1.0)?),
+        _ => link,
+    };
+    let baud = match selector {
+        Selector::Serial { baud, .. } => Some(*baud),
+        _ => None,
+    };
+    let pipeline = ImuPipeline::new(&config.imu, sensor.calibration, sensor.mount, gravity);
+    Ok(Source::new(link, decoder, pipeline, baud))
+}
+
+/// The decoder that was asked for, or the one that fits the device.
+pub(super) fn decoder(
+    protocol: Option<&str>,
+    selector: &Selector,
+    mapping: Option<&TextMapping>,
+) -> Result<Box<dyn PacketDecoder>, DeviceError> {
+    let text_log = is_text_log(selector)?;
+    match (protocol, mapping) {
+        (Some(TEXT), Some(mapping)) => Ok(Box::new(TextDecoder::new(mapping))),
+        // A mapping is given for text only: a log, or a sketch that prints lines.
+        (None, Some(mapping)) if text_log || matches!(selector, Selector::Serial { .. }) => {
+            Ok(Box::new(TextDecoder::new(mapping)))
+        }
+        (Some(name), _) => decoder_by_name(name),
+        (None, None) if text_log => Err(DeviceError::NeedsMapping),
+        (None, _) => Ok(decoder_for(selector)),
+    }
+}
+
+/// Stamps lines with their own time column, ns.
+pub(super) fn line_stamper(mapping: &TextMapping) -> LineStamper {
+    // Logs may start at a negative time; stamps are relative to the first one anyway.
+    const OFFSET_S: f64 = 1e6;
+    let mut times = mapping.line_times();
+    Box::new(move |line| times.time_of_line(line).map(|seconds| ((seconds + OFFSET_S).max(0.0) * 1e9) as u64))
+}
+
+/// Whether the device is a log of text lines.
+fn is_text_log(selector: &Selector) -> Result<bool, DeviceError> {
+    let Selector::Replay { path, kind, .. } = selector else { return Ok(false) };
+    let kind = match kind {
+        Some(kind) => *kind,
+        None => replay::detect(path)?,
+    };
+    Ok(kind == FileKind::Text)
+}
+
+/// Holds the beginning of a text log against its mapping: a missing column is an error at once, not a row count later.
+fn check_text_log(config: &Config, selector: &Selector, sensor: &Sensor) -> Result<(), Failure> {
+    let (Selector::Replay { path, .. }, Some(mapping), Some(map_file)) = (selector, &sensor.mapping, &config.log_map)
+    else {
+        return Ok(());
+    };
+    if !is_text_log(selector)? {
+        return Ok(());
+    }
+    let start = read_start(path)?;
+    mapping.check_log(&path.display().to_string(), &map_file.display().to_string(), &start).map_err(ConfigError::from)?;
+    Ok(())
+}
+
+fn read_start(path: &Path) -> Result<Vec<u8>, Failure> {
+    let file_error = |source| DeviceError::File { path: path.to_owned(), source };
+    let mut start = Vec::new();
+    let file = std::fs::File::open(path).map_err(file_error)?;
+    file.take(LOG_PROBE_BYTES).read_to_end(&mut start).map_err(file_error)?;
+    Ok(start)
+}

@@ -1,0 +1,95 @@
+//! What ends a command early, and the exit code that goes with it.
+
+use std::fmt;
+use std::process::ExitCode;
+
+use super::perceive::PerceiveError;
+use crate::config::ConfigError;
+use crate::device::DeviceError;
+use crate::record::RecordError;
+use crate::runtime::CoreSettingsError;
+
+/// Kinds of failure; the value is the exit code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FailureKind {
+    /// It could not be done: a disk, a missing answer.
+    Failed = 1,
+    /// Wrong usage, configuration or input: the user's to mend.
+    Usage = 2,
+    /// Data was lost or is damaged.
+    DataLost = 3,
+}
+
+/// Why a command ended early.
+#[derive(Debug)]
+pub struct Failure {
+    kind: FailureKind,
+    message: String,
+}
+
+impl Failure {
+    /// A failure with its text: what, where, got and expected, then a hint.
+    pub fn new(kind: FailureKind, message: impl Into<String>) -> Self {
+        Self { kind, message: message.into() }
+    }
+
+    /// Wrong usage.
+    pub fn usage(message: impl Into<String>) -> Self {
+        Self::new(FailureKind::Usage, message)
+    }
+
+    /// The exit code of the process.
+    pub fn exit_code(&self) -> ExitCode {
+        ExitCode::from(self.kind as u8)
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl From<DeviceError> for Failure {
+    fn from(error: DeviceError) -> Self {
+        let kind = match error {
+            DeviceError::EmptyFile { .. } => FailureKind::DataLost,
+            _ => FailureKind::Usage,
+        };
+        Self::new(kind, error.to_string())
+    }
+}
+
+impl From<ConfigError> for Failure {
+    fn from(error: ConfigError) -> Self {
+        match error {
+            ConfigError::Device(error) => error.into(),
+            error => Self::usage(error.to_string()),
+        }
+    }
+}
+
+impl From<CoreSettingsError> for Failure {
+    fn from(error: CoreSettingsError) -> Self {
+        Self::usage(error.to_string())
+    }
+}
+
+impl From<PerceiveError> for Failure {
+    fn from(error: PerceiveError) -> Self {
+        let kind = if error.is_bad_input() { FailureKind::Usage } else { FailureKind::Failed };
+        Self::new(kind, error.to_string())
+    }
+}
+
+impl From<RecordError> for Failure {
+    fn from(error: RecordError) -> Self {
+        let kind = match error {
+            RecordError::Exists { .. } | RecordError::NoFolder { .. } | RecordError::NotMcap { .. } => FailureKind::Usage,
+            RecordError::Io { ref source, .. } if source.kind() == std::io::ErrorKind::NotFound => FailureKind::Usage,
+            RecordError::Io { .. } | RecordError::Write { .. } => FailureKind::Failed,
+            _ => FailureKind::DataLost,
+        };
+        Self::new(kind, error.to_string())
+    }
+}

@@ -1,0 +1,195 @@
+//! `otolith run`: both characters driven by a device, a log or a mock.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use super::assemble::Pace;
+use super::failure::Failure;
+use super::session::Session;
+use super::show;
+use crate::config::{Config, ConfigError};
+use crate::device::Selector;
+use crate::vestibular::PRESET_NAMES;
+
+/// Drive both characters from a device, a log or a mock.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  \
+    otolith run --device serial:/dev/ttyUSB0?baud=921600 --out my-run\n  \
+    otolith run --device can:can0 --duration-s 60 --record my-run.mcap\n  \
+    otolith run --device replay:log.txt --log-map configs/logs/turntable-lsm9ds1.toml --pace max --json\n  \
+    otolith run --device mock:chair --rate-rpm 20 --pace max\n\n\
+    While it runs: r + Enter stands the characters up again, Ctrl-C ends the run and prints the summary.")]
+pub(super) struct RunArgs {
+    /// Device: serial:PORT?baud=N, can:IFACE, replay:FILE, mock:chair.
+    #[arg(long, value_name = "SELECTOR")]
+    device: Option<String>,
+    /// Parameters of mock:chair.
+    #[command(flatten)]
+    chair: ChairArgs,
+    /// Configuration of the run.
+    #[command(flatten)]
+    options: Options,
+    /// End after this much time.
+    #[arg(long, value_name = "S", value_parser = positive)]
+    duration_s: Option<f64>,
+    /// Write figure.svg and summary.json into this folder.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Real time, or as fast as the machine goes (recordings and mocks only) [default: real].
+    #[arg(long, value_enum, default_value_t = Pace::Real, hide_default_value = true)]
+    pace: Pace,
+    /// Print the effective configuration as TOML and stop.
+    #[arg(long)]
+    print_config: bool,
+}
+
+/// Options that every run has.
+#[derive(Debug, clap::Args)]
+pub(super) struct Options {
+    /// Configuration file; the flags stand above it.
+    #[arg(long, value_name = "FILE.toml")]
+    config: Option<PathBuf>,
+    /// Columns of a text log.
+    #[arg(long, value_name = "FILE.toml")]
+    log_map: Option<PathBuf>,
+    /// Protocol of the device instead of finding it out.
+    #[arg(long, value_name = "NAME")]
+    protocol: Option<String>,
+    /// How the sensor is mounted on the chair.
+    #[arg(long, value_name = "FILE.toml")]
+    mount: Option<PathBuf>,
+    /// Calibration of the sensor.
+    #[arg(long, value_name = "FILE.toml")]
+    calibration: Option<PathBuf>,
+    /// Model of the character (MJCF subset).
+    #[arg(long, value_name = "FILE.xml")]
+    character: Option<PathBuf>,
+    /// Preset of the vestibular model.
+    #[arg(long, value_name = "NAME", value_parser = clap::builder::PossibleValuesParser::new(PRESET_NAMES))]
+    preset: Option<String>,
+    /// Stand a fallen character up again after this time.
+    #[arg(long, value_name = "S", value_parser = positive)]
+    respawn: Option<f64>,
+    /// Write the recording to this file.
+    #[arg(long, value_name = "FILE.mcap")]
+    pub(super) record: Option<PathBuf>,
+    /// Overwrite files.
+    #[arg(long)]
+    pub(super) force: bool,
+}
+
+impl Options {
+    /// The configuration: file first, flags on top.
+    pub(super) fn config(&self) -> Result<Config, Failure> {
+        let mut config = match &self.config {
+            Some(path) => Config::load(path)?,
+            None => Config::default(),
+        };
+        let take = |slot: &mut Option<PathBuf>, flag: &Option<PathBuf>| {
+            if flag.is_some() {
+                slot.clone_from(flag);
+            }
+        };
+        take(&mut config.log_map, &self.log_map);
+        take(&mut config.mount, &self.mount);
+        take(&mut config.calibration, &self.calibration);
+        take(&mut config.character, &self.character);
+        config.protocol = self.protocol.clone().or(config.protocol);
+        config.observer_preset = self.preset.clone();
+        config.core.respawn_after_s = self.respawn.or(config.core.respawn_after_s);
+        Ok(config.resolved("command line")?)
+    }
+}
+
+/// Parameters of the mock chair; each replaces the selector's.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Mock chair")]
+pub(super) struct ChairArgs {
+    /// Rate of rotation, rpm; positive is to the left [default: 30].
+    #[arg(long, value_name = "RPM", allow_hyphen_values = true)]
+    rate_rpm: Option<f64>,
+    /// From the start of the ramp up to the start of the ramp down [default: 15].
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    spin_s: Option<f64>,
+    /// Length of each ramp [default: 1].
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    ramp_s: Option<f64>,
+    /// Rest before the spin [default: 2].
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    rest_s: Option<f64>,
+    /// Rest after the spin [default: 25].
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    after_s: Option<f64>,
+    /// Seed of the sensor noise [default: 0].
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+}
+
+impl ChairArgs {
+    /// Puts the parameters into the selector.
+    pub(super) fn apply(&self, selector: &mut Selector) -> Result<(), Failure> {
+        let given = [self.rate_rpm, self.spin_s, self.ramp_s, self.rest_s, self.after_s];
+        let Selector::Mock(params) = selector else {
+            if self.seed.is_none() && given.iter().all(Option::is_none) {
+                return Ok(());
+            }
+            return Err(Failure::usage(format!(
+                "--rate-rpm, --spin-s, --ramp-s, --rest-s, --after-s and --seed belong to mock:chair, not to {selector}\n\n\
+                 hint: leave them out, or use --device mock:chair"
+            )));
+        };
+        let slots = [
+            &mut params.rate_rpm,
+            &mut params.spin_s,
+            &mut params.ramp_s,
+            &mut params.rest_s,
+            &mut params.after_s,
+        ];
+        for (slot, value) in slots.into_iter().zip(given) {
+            *slot = value.unwrap_or(*slot);
+        }
+        params.seed = self.seed.unwrap_or(params.seed);
+        Ok(params.validate()?)
+    }
+}
+
+/// Length of the source, where it is known before the run.
+pub(super) fn expected_s(selector: &Selector) -> Option<f64> {
+    match selector {
+        Selector::Mock(params) => Some(params.duration_s()),
+        _ => None,
+    }
+}
+
+pub(super) fn run(args: &RunArgs, json: bool) -> Result<ExitCode, Failure> {
+    let mut config = args.options.config()?;
+    config.device = args.device.clone().or(config.device);
+    if args.print_config {
+        show::text(&config.to_toml())?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let device = config.device.clone().ok_or(ConfigError::NoDevice)?;
+    let mut selector: Selector = device.parse()?;
+    args.chair.apply(&mut selector)?;
+    Session {
+        expected_s: expected_s(&selector),
+        config,
+        selector,
+        pace: args.pace,
+        duration_s: args.duration_s,
+        record: args.options.record.clone(),
+        out: args.out.clone(),
+        force: args.options.force,
+        json,
+    }
+    .run()
+}
+
+/// A finite number above zero.
+pub(super) fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        Ok(value) => Err(format!("got {value}, expected more than 0")),
+        Err(error) => Err(error.to_string()),
+    }
+}

@@ -1,0 +1,235 @@
+//! One configuration for every command: a TOML file, then the command line on top of it.
+//!
+//! The effective configuration is written into each recording, so a recording needs nothing else. There are no
+//! environment variables.
+
+use std::path::{Path, PathBuf};
+
+use crate::character::{CharacterModel, ModelError, STANDING_MJCF};
+use crate::device::DeviceError;
+use crate::device::protocol::text::{TextError, TextMapping};
+use crate::imu::{Calibration, ImuConfigError, ImuSettings, Mount};
+use crate::runtime::{CoreSettings, CoreSettingsError, LiveSettings, LiveSettingsError};
+use crate::vestibular::{ObserverParameters, PRESET_NAMES};
+
+/// Everything a run can be told.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Config {
+    /// Device selector, for example `serial:/dev/ttyUSB0?baud=921600`.
+    pub device: Option<String>,
+    /// Protocol of the device; found by itself when absent.
+    pub protocol: Option<String>,
+    /// Mapping of the columns of a text log.
+    pub log_map: Option<PathBuf>,
+    /// Calibration of the sensor.
+    pub calibration: Option<PathBuf>,
+    /// Mounting of the sensor on the chair.
+    pub mount: Option<PathBuf>,
+    /// Model of the character; the built-in one when absent.
+    pub character: Option<PathBuf>,
+    /// Preset of the vestibular model; it replaces `core.observer`.
+    pub observer_preset: Option<String>,
+    /// From readings to head motion.
+    pub imu: ImuSettings,
+    /// Threads and deadlines of a live run.
+    pub live: LiveSettings,
+    /// The two characters.
+    pub core: CoreSettings,
+}
+
+/// Why a configuration cannot be used. Every one of these is the user's to mend.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    /// A file that cannot be read.
+    #[error("{}: cannot read it: {source}\n\nhint: check the path", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// Not TOML, or a key or value that does not belong there.
+    #[error("{file}: {source}\n\nhint: `otolith run --print-config` prints every key with its default")]
+    Toml {
+        /// The file.
+        file: String,
+        /// What is wrong, with line and column.
+        source: toml::de::Error,
+    },
+    /// A preset that does not exist.
+    #[error("{file}: key `observer_preset` is `{got}`, allowed are {known}")]
+    Preset {
+        /// The file.
+        file: String,
+        /// The name given.
+        got: String,
+        /// The names there are.
+        known: String,
+    },
+    /// A value of the core out of range.
+    #[error("{file}: {source}")]
+    Core {
+        /// The file.
+        file: String,
+        /// Key, value and range.
+        source: CoreSettingsError,
+    },
+    /// A value of the live run out of range.
+    #[error("{file}: {source}")]
+    Live {
+        /// The file.
+        file: String,
+        /// Key, value and range.
+        source: LiveSettingsError,
+    },
+    /// A value of the IMU path out of range, or a bad calibration or mount.
+    #[error(transparent)]
+    Imu(#[from] ImuConfigError),
+    /// A bad mapping of a text log.
+    #[error(transparent)]
+    Text(#[from] TextError),
+    /// A bad model file.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// A bad device selector or protocol.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    /// No device was named.
+    #[error(
+        "no device to read from\n\nhint: name one with --device, for example serial:/dev/ttyUSB0?baud=921600, can:can0, \
+         replay:FILE or mock:chair; `otolith devices` lists what is connected"
+    )]
+    NoDevice,
+}
+
+impl Config {
+    /// Reads and checks a file.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the file and the key.
+    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+        Self::from_toml(&read(path)?, &path.display().to_string())
+    }
+
+    /// Parses and checks a text; `file` only names it in errors.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the file and the key.
+    pub fn from_toml(text: &str, file: &str) -> Result<Self, ConfigError> {
+        let config: Self = toml::from_str(text)
+            .map_err(|source| ConfigError::Toml { file: file.to_owned(), source })?;
+        config.resolved(file)
+    }
+
+    /// The same with the preset put in place, checked.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the file and the key.
+    pub fn resolved(mut self, file: &str) -> Result<Self, ConfigError> {
+        if let Some(name) = self.observer_preset.take() {
+            self.core.observer = ObserverParameters::preset(&name).ok_or_else(|| ConfigError::Preset {
+                file: file.to_owned(),
+                got: name,
+                known: PRESET_NAMES.join(", "),
+            })?;
+        }
+        self.imu.validate(file)?;
+        self.core.check().map_err(|source| ConfigError::Core { file: file.to_owned(), source })?;
+        self.live.check().map_err(|source| ConfigError::Live { file: file.to_owned(), source })?;
+        Ok(self)
+    }
+
+    /// The whole configuration as TOML.
+    pub fn to_toml(&self) -> String {
+        // Serialising plain numbers, strings and tables to a string has no way to fail; an empty text would be caught
+        // by the first reader.
+        toml::to_string(self).unwrap_or_default()
+    }
+
+    /// Text of the model file and its name.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn model_text(&self) -> Result<(String, String), ConfigError> {
+        match &self.character {
+            None => Ok(("standing.xml".to_owned(), STANDING_MJCF.to_owned())),
+            Some(path) => Ok((path.display().to_string(), read(path)?)),
+        }
+    }
+
+    /// The character's model.
+    ///
+    /// # Errors
+    /// The file cannot be read or is outside the supported subset.
+    pub fn model(&self) -> Result<CharacterModel, ConfigError> {
+        let (name, text) = self.model_text()?;
+        Ok(CharacterModel::from_mjcf(&text, &name)?)
+    }
+
+    /// Calibration, mount and text mapping from their files.
+    ///
+    /// # Errors
+    /// A file cannot be read or holds something impossible, for example a mirrored mount.
+    pub fn sensor(&self) -> Result<Sensor, ConfigError> {
+        let calibration = match &self.calibration {
+            Some(path) => Calibration::from_toml(&path.display().to_string(), &read(path)?)?,
+            None => Calibration::default(),
+        };
+        let mount = match &self.mount {
+            Some(path) => Mount::from_toml(&path.display().to_string(), &read(path)?)?,
+            None => Mount::default(),
+        };
+        let mapping = match &self.log_map {
+            Some(path) => Some(TextMapping::from_toml(&path.display().to_string(), &read(path)?)?),
+            None => None,
+        };
+        Ok(Sensor { calibration, mount, mapping })
+    }
+}
+
+/// What is known about the sensor before it speaks.
+#[derive(Clone, Debug)]
+pub struct Sensor {
+    /// Counts and axes to SI.
+    pub calibration: Calibration,
+    /// Sensor axes to chair axes.
+    pub mount: Mount,
+    /// Columns of a text log.
+    pub mapping: Option<TextMapping>,
+}
+
+fn read(path: &Path) -> Result<String, ConfigError> {
+    std::fs::read_to_string(path).map_err(|source| ConfigError::File { path: path.to_owned(), source })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_effective_configuration_survives_being_written_and_read() {
+        let mut config = Config { device: Some("mock:chair".to_owned()), ..Config::default() };
+        config.core.balance.least_point_force = 0.1 + 0.2; // no short decimal
+        config.core.respawn_after_s = Some(3.0);
+        assert_eq!(Config::from_toml(&config.to_toml(), "test").unwrap(), config);
+    }
+
+    #[test]
+    fn a_preset_replaces_the_observer_and_an_unknown_one_names_the_others() {
+        let config = Config::from_toml("observer_preset = \"merfeld-zupan-2002\"", "test").unwrap();
+        assert_eq!(Some(config.core.observer), ObserverParameters::preset("merfeld-zupan-2002"));
+        let error = Config::from_toml("observer_preset = \"mz\"", "run.toml").unwrap_err().to_string();
+        assert!(error.contains("run.toml") && error.contains("`mz`") && error.contains("merfeld-zupan-2002"), "{error}");
+    }
+
+    #[test]
+    fn errors_name_file_key_and_range() {
+        let error = Config::from_toml("[core.balance]\nfrictoin = 1.0", "run.toml").unwrap_err().to_string();
+        assert!(error.contains("run.toml") && error.contains("frictoin") && error.contains("hint:"), "{error}");
+        let error = Config::from_toml("[core.balance]\nfriction = -1.0", "run.toml").unwrap_err().to_string();
+        assert!(error.contains("run.toml") && error.contains("friction") && error.contains("-1"), "{error}");
+        let error = Config::from_toml("[imu]\nhold_limit_s = -0.1", "run.toml").unwrap_err().to_string();
+        assert!(error.contains("run.toml") && error.contains("hold_limit_s"), "{error}");
+    }
+}
