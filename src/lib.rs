@@ -5,6 +5,7 @@
 
 pub mod device;
 pub mod imu;
+pub mod report;
 pub mod tick;
 pub mod time;
 pub mod units;
