@@ -6,11 +6,13 @@
 pub mod balance;
 pub mod character;
 pub mod cli;
+pub mod config;
 pub mod device;
 pub mod dynamics;
 pub mod hil;
 pub mod imu;
 pub mod record;
+pub mod report;
 pub mod runtime;
 pub mod tick;
 pub mod time;

@@ -97,7 +97,8 @@ fn is_text_log(selector: &Selector) -> Result<bool, DeviceError> {
 
 /// Holds the beginning of a text log against its mapping: a missing column is an error at once, not a row count later.
 fn check_text_log(config: &Config, selector: &Selector, sensor: &Sensor) -> Result<(), Failure> {
-    let (Selector::Replay { path, .. }, Some(mapping), Some(map_file)) = (selector, &sensor.mapping, &config.log_map)
+    let (Selector::Replay { path, .. }, Some(mapping), Some(map_file)) =
+        (selector, &sensor.mapping, &config.log_map)
     else {
         return Ok(());
     };
@@ -105,7 +106,9 @@ fn check_text_log(config: &Config, selector: &Selector, sensor: &Sensor) -> Resu
         return Ok(());
     }
     let start = read_start(path)?;
-    mapping.check_log(&path.display().to_string(), &map_file.display().to_string(), &start).map_err(ConfigError::from)?;
+    mapping
+        .check_log(&path.display().to_string(), &map_file.display().to_string(), &start)
+        .map_err(ConfigError::from)?;
     Ok(())
 }
 

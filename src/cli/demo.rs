@@ -57,5 +57,8 @@ pub(super) fn run(args: &DemoArgs, json: bool) -> Result<ExitCode, Failure> {
 fn new_folder(parent: &Path) -> PathBuf {
     let name = format!("otolith-{}", utc_now_compact());
     let numbered = (2..).map(|n| parent.join(format!("{name}-{n}")));
-    std::iter::once(parent.join(&name)).chain(numbered).find(|path| !path.exists()).unwrap_or_else(|| parent.join(&name))
+    std::iter::once(parent.join(&name))
+        .chain(numbered)
+        .find(|path| !path.exists())
+        .unwrap_or_else(|| parent.join(&name))
 }

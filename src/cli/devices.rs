@@ -31,7 +31,10 @@ fn line(port: &DiscoveredPort) -> String {
         }
         PortKind::Can { up: true } => "CAN interface, up".to_owned(),
         PortKind::Can { up: false } => {
-            format!("CAN interface, down: sudo ip link set {} up type can bitrate 500000", port.selector.trim_start_matches("can:"))
+            format!(
+                "CAN interface, down: sudo ip link set {} up type can bitrate 500000",
+                port.selector.trim_start_matches("can:")
+            )
         }
     };
     let access = match port.access {

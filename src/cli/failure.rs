@@ -85,8 +85,12 @@ impl From<PerceiveError> for Failure {
 impl From<RecordError> for Failure {
     fn from(error: RecordError) -> Self {
         let kind = match error {
-            RecordError::Exists { .. } | RecordError::NoFolder { .. } | RecordError::NotMcap { .. } => FailureKind::Usage,
-            RecordError::Io { ref source, .. } if source.kind() == std::io::ErrorKind::NotFound => FailureKind::Usage,
+            RecordError::Exists { .. } | RecordError::NoFolder { .. } | RecordError::NotMcap { .. } => {
+                FailureKind::Usage
+            }
+            RecordError::Io { ref source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
+                FailureKind::Usage
+            }
             RecordError::Io { .. } | RecordError::Write { .. } => FailureKind::Failed,
             _ => FailureKind::DataLost,
         };

@@ -14,6 +14,7 @@ use super::failure::{Failure, FailureKind};
 use super::replay::damage_text;
 use super::show;
 use crate::config::Config;
+use crate::device::protocol::detect::{AutoDecoder, TEXT};
 use crate::device::protocol::{ImuReading, PacketDecoder};
 use crate::device::replay::{self, FileKind};
 use crate::device::{self, LinkError, Selector, Traffic};
@@ -71,7 +72,8 @@ struct Range {
 }
 
 pub(super) fn run(args: &InspectArgs, json: bool) -> Result<ExitCode, Failure> {
-    let inspection = if replay::detect(&args.file)? == FileKind::Mcap { recording(args)? } else { log(args)? };
+    let inspection =
+        if replay::detect(&args.file)? == FileKind::Mcap { recording(args)? } else { log(args)? };
     show::result(&inspection, json)?;
     match &inspection.damage {
         Some(damage) if !damage.complete => {
@@ -97,7 +99,10 @@ fn log(args: &InspectArgs) -> Result<Inspection, Failure> {
             Err(LinkError::EndOfRecording | LinkError::Lost { .. }) => break,
         }
     }
-    tally.take(decoder.as_mut(), tally.last_at, Traffic::Bytes(if decoder.protocol() == "text" { b"\n" } else { b"" }));
+    if decoder.protocol() == TEXT {
+        // The last line may end without a break.
+        tally.take(decoder.as_mut(), tally.last_at, Traffic::Bytes(b"\n"));
+    }
     let kind = format!("{:?}", replay::detect(&args.file)?).to_lowercase();
     let mut inspection = tally.inspection(&args.file, &kind, decoder.as_ref());
     inspection.link.bytes_skipped += link.status().bytes_skipped;
@@ -119,7 +124,7 @@ fn recording(args: &InspectArgs) -> Result<Inspection, Failure> {
         Ok(decoder) => decoder,
         Err(error) => {
             notes.push(format!("raw traffic not decoded: {error}"));
-            Box::new(device::protocol::detect::AutoDecoder::new())
+            Box::new(AutoDecoder::new())
         }
     };
     let mut tally = Tally::default();

@@ -21,11 +21,15 @@ pub use failure::{Failure, FailureKind};
 ///
 /// Exit codes: 0 done, 1 failed, 2 usage or configuration, 3 data lost or damaged.
 #[derive(Debug, Parser)]
-#[command(name = "otolith", version, after_help = "Examples:\n  \
+#[command(
+    name = "otolith",
+    version,
+    after_help = "Examples:\n  \
     otolith demo                                      a mock chair: 30 rpm for 15 s\n  \
     otolith run --device serial:/dev/ttyUSB0 --out my-run --record my-run.mcap\n  \
     otolith run --device replay:log.txt --log-map configs/logs/turntable-lsm9ds1.toml --pace max\n  \
-    otolith replay my-run.mcap --verify")]
+    otolith replay my-run.mcap --verify"
+)]
 struct Cli {
     #[command(subcommand)]
     command: Command,

@@ -11,7 +11,9 @@ use super::show;
 use crate::character::{CharacterModel, STANDING_MJCF};
 use crate::config::Config;
 use crate::record::{DamageReport, RecordError, Recording, VerifyReport, verify};
-use crate::report::{Analysis, Caption, LinkCounters, RunFacts, Summary, TickTimes, TimingSummary, Trace, svg, table};
+use crate::report::{
+    Analysis, Caption, LinkCounters, RunFacts, Summary, TickTimes, TimingSummary, Trace, svg, table,
+};
 use crate::runtime::Core;
 use crate::time::{Clock, SystemClock};
 
@@ -40,12 +42,19 @@ pub(super) fn run(args: &ReplayArgs, json: bool) -> Result<ExitCode, Failure> {
     let name = args.file.display().to_string();
     let recording = open(&args.file)?;
     let header = recording.header().ok_or_else(|| {
-        Failure::new(FailureKind::DataLost, format!("{name}: the configuration is lost; {}", damage_text(recording.damage())))
+        Failure::new(
+            FailureKind::DataLost,
+            format!("{name}: the configuration is lost; {}", damage_text(recording.damage())),
+        )
     })?;
     let config = Config::from_toml(&header.config, &format!("{name} (configuration)"))?;
-    let (model_name, model_text) =
-        header.models.iter().next().map_or(("standing.xml", STANDING_MJCF), |(name, text)| (name.as_str(), text.as_str()));
-    let model = CharacterModel::from_mjcf(model_text, model_name).map_err(crate::config::ConfigError::from)?;
+    let (model_name, model_text) = header
+        .models
+        .iter()
+        .next()
+        .map_or(("standing.xml", STANDING_MJCF), |(name, text)| (name.as_str(), text.as_str()));
+    let model =
+        CharacterModel::from_mjcf(model_text, model_name).map_err(crate::config::ConfigError::from)?;
     let support_polygon = support_outline(&config.core, &model)?;
     let push_end_s = config.core.push.map(|push| push.start_s + push.duration_s);
     let mut core = Core::new(config.core.clone(), model)?;
@@ -68,10 +77,12 @@ pub(super) fn run(args: &ReplayArgs, json: bool) -> Result<ExitCode, Failure> {
     let simulated_s = trace.span_s().map_or(0.0, |(_, last)| last);
     let (samples, link) = recorded_counters(recording.summary());
     let timing = TimingSummary::new(&times, simulated_s, clock.now().as_secs_f64(), 0);
-    let mut summary =
-        Summary::new(RunFacts { source: name.clone(), duration_s: simulated_s, samples, link, timing }, &analysis);
-    let detail = format!("replay of {}", config.device.as_deref().unwrap_or("a recording"));
-    let figure = svg::render(&trace, &analysis, &Caption { title: name.clone(), detail, support_polygon });
+    let mut summary = Summary::new(
+        RunFacts { source: name.clone(), duration_s: simulated_s, samples, link, timing },
+        &analysis,
+    );
+    let subtitle = format!("replay of {}", config.device.as_deref().unwrap_or("a recording"));
+    let figure = svg::render(&trace, &analysis, &Caption { title: name.clone(), subtitle, support_polygon });
     outputs.write(&mut summary, &figure)?;
     let same_build = header.fingerprint == build_fingerprint();
     present(&summary, &report, args.verify, same_build, json)?;
@@ -81,7 +92,9 @@ pub(super) fn run(args: &ReplayArgs, json: bool) -> Result<ExitCode, Failure> {
 /// Opens a recording; a file cut within its first bytes is damaged, not a file of another kind.
 fn open(path: &Path) -> Result<Recording, Failure> {
     Recording::open(path).map_err(|error| match error {
-        RecordError::NotMcap { .. } if is_cut_short(path) => Failure::new(FailureKind::DataLost, error.to_string()),
+        RecordError::NotMcap { .. } if is_cut_short(path) => {
+            Failure::new(FailureKind::DataLost, error.to_string())
+        }
         error => error.into(),
     })
 }
@@ -107,7 +120,13 @@ fn recorded_counters(summary: Option<&str>) -> (u64, LinkCounters) {
     (count(&recorded["samples"]), counters)
 }
 
-fn present(summary: &Summary, report: &VerifyReport, verify: bool, same_build: bool, json: bool) -> Result<(), Failure> {
+fn present(
+    summary: &Summary,
+    report: &VerifyReport,
+    verify: bool,
+    same_build: bool,
+    json: bool,
+) -> Result<(), Failure> {
     if json {
         let mut object = serde_json::to_value(summary)
             .map_err(|error| Failure::new(FailureKind::Failed, format!("cannot write JSON: {error}")))?;
@@ -151,7 +170,9 @@ fn conclude(
             let hint = if same_build {
                 "the core is not deterministic: please report this recording".to_owned()
             } else {
-                format!("it was recorded by another build ({fingerprint}): bits are promised for the same build only")
+                format!(
+                    "it was recorded by another build ({fingerprint}): bits are promised for the same build only"
+                )
             };
             Err(Failure::new(
                 FailureKind::DataLost,

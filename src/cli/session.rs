@@ -15,7 +15,9 @@ use crate::config::Config;
 use crate::device::Selector;
 use crate::record::{Recorder, RecordingHeader};
 use crate::report::{Analysis, Caption, LinkCounters, RunFacts, Summary, TimingSummary, svg, table};
-use crate::runtime::{Core, CoreSettings, Journal, LiveStatus, RunOutcome, Signals, SourceFacts, run_live, run_offline};
+use crate::runtime::{
+    Core, CoreSettings, Journal, LiveStatus, RunOutcome, Signals, SourceFacts, run_live, run_offline,
+};
 use crate::time::{Clock, SystemClock};
 use crate::units::{DEG_PER_RAD, RAD_S_PER_RPM};
 
@@ -71,18 +73,23 @@ impl Session {
         let push_end_s = self.config.core.push.map(|push| push.start_s + push.duration_s);
         let analysis = Analysis::new(&journal.trace, push_end_s);
         let mut summary = self.summary(&facts, &outcome, &analysis, wall_s);
-        summary.events = journal.events.iter().map(|event| format!("{:.3} s: {}", event.at_s, event.text)).collect();
+        summary.events =
+            journal.events.iter().map(|event| format!("{:.3} s: {}", event.at_s, event.text)).collect();
         summary.recording = self.record.as_ref().map(|path| path.display().to_string());
         let caption = Caption {
             title: self.selector.to_string(),
-            detail: format!("observer and gains: {} s simulated", summary.duration_s),
+            subtitle: format!("{:.1} s simulated", summary.duration_s),
             support_polygon,
         };
         let figure = svg::render(&journal.trace, &analysis, &caption);
         outputs.write(&mut summary, &figure)?;
         let text = serde_json::to_string(&summary).unwrap_or_default();
         journal.finish(&text)?;
-        if self.json { show::json(&summary)? } else { show::text(&table::render(&summary, table::stdout_takes_colour()))? }
+        if self.json {
+            show::json(&summary)?
+        } else {
+            show::text(&table::render(&summary, table::stdout_takes_colour()))?
+        }
         self.verdict(&facts, &outcome)
     }
 
@@ -105,12 +112,20 @@ impl Session {
         let total_s = self.duration_s.or(self.expected_s);
         let bar = show::progress(total_s.map(|s| (s * 1000.0) as u64));
         let hold = self.config.imu.hold_limit_s;
-        let outcome = run_offline(&mut source, &mut core, &mut journal, hold, self.duration_s, &signals.stop, |tick| {
-            if tick.0.is_multiple_of(100) {
-                bar.set_position(tick.0);
-                bar.set_message(format!("{:.1} s simulated", tick.time_s()));
-            }
-        })?;
+        let outcome = run_offline(
+            &mut source,
+            &mut core,
+            &mut journal,
+            hold,
+            self.duration_s,
+            &signals.stop,
+            |tick| {
+                if tick.0.is_multiple_of(100) {
+                    bar.set_position(tick.0);
+                    bar.set_message(format!("{:.1} s simulated", tick.time_s()));
+                }
+            },
+        )?;
         bar.finish_and_clear();
         Ok((source.facts(), journal, outcome))
     }
@@ -149,7 +164,13 @@ impl Session {
         Ok((source.facts(), journal, outcome))
     }
 
-    fn summary(&self, facts: &SourceFacts, outcome: &RunOutcome, analysis: &Analysis, wall_s: f64) -> Summary {
+    fn summary(
+        &self,
+        facts: &SourceFacts,
+        outcome: &RunOutcome,
+        analysis: &Analysis,
+        wall_s: f64,
+    ) -> Summary {
         let simulated_s = outcome.last_tick.time_s();
         let run = RunFacts {
             source: self.selector.to_string(),
@@ -277,7 +298,12 @@ pub(super) fn support_outline(
 /// What distinguishes builds whose bits may differ.
 pub(super) fn build_fingerprint() -> String {
     let profile = if cfg!(debug_assertions) { "debug" } else { "release" };
-    format!("otolith {} {} {} {profile}", env!("CARGO_PKG_VERSION"), std::env::consts::ARCH, std::env::consts::OS)
+    format!(
+        "otolith {} {} {} {profile}",
+        env!("CARGO_PKG_VERSION"),
+        std::env::consts::ARCH,
+        std::env::consts::OS
+    )
 }
 
 /// Files of a run besides the recording.
@@ -290,9 +316,13 @@ impl Outputs {
     pub(super) fn claim(folder: Option<&Path>, force: bool) -> Result<Self, Failure> {
         if let Some(folder) = folder {
             std::fs::create_dir_all(folder).map_err(|error| {
-                Failure::usage(format!("{}: cannot make this folder: {error}\n\nhint: choose another with --out", folder.display()))
+                Failure::usage(format!(
+                    "{}: cannot make this folder: {error}\n\nhint: choose another with --out",
+                    folder.display()
+                ))
             })?;
-            let taken = [FIGURE, SUMMARY].into_iter().map(|name| folder.join(name)).find(|path| path.exists());
+            let taken =
+                [FIGURE, SUMMARY].into_iter().map(|name| folder.join(name)).find(|path| path.exists());
             if let (Some(path), false) = (taken, force) {
                 return Err(Failure::usage(format!(
                     "{}: the file exists already\n\nhint: choose another folder with --out, or overwrite it with --force",

@@ -117,8 +117,8 @@ impl Config {
     /// # Errors
     /// [`ConfigError`] names the file and the key.
     pub fn from_toml(text: &str, file: &str) -> Result<Self, ConfigError> {
-        let config: Self = toml::from_str(text)
-            .map_err(|source| ConfigError::Toml { file: file.to_owned(), source })?;
+        let config: Self =
+            toml::from_str(text).map_err(|source| ConfigError::Toml { file: file.to_owned(), source })?;
         config.resolved(file)
     }
 
@@ -220,13 +220,19 @@ mod tests {
         let config = Config::from_toml("observer_preset = \"merfeld-zupan-2002\"", "test").unwrap();
         assert_eq!(Some(config.core.observer), ObserverParameters::preset("merfeld-zupan-2002"));
         let error = Config::from_toml("observer_preset = \"mz\"", "run.toml").unwrap_err().to_string();
-        assert!(error.contains("run.toml") && error.contains("`mz`") && error.contains("merfeld-zupan-2002"), "{error}");
+        assert!(
+            error.contains("run.toml") && error.contains("`mz`") && error.contains("merfeld-zupan-2002"),
+            "{error}"
+        );
     }
 
     #[test]
     fn errors_name_file_key_and_range() {
         let error = Config::from_toml("[core.balance]\nfrictoin = 1.0", "run.toml").unwrap_err().to_string();
-        assert!(error.contains("run.toml") && error.contains("frictoin") && error.contains("hint:"), "{error}");
+        assert!(
+            error.contains("run.toml") && error.contains("frictoin") && error.contains("hint:"),
+            "{error}"
+        );
         let error = Config::from_toml("[core.balance]\nfriction = -1.0", "run.toml").unwrap_err().to_string();
         assert!(error.contains("run.toml") && error.contains("friction") && error.contains("-1"), "{error}");
         let error = Config::from_toml("[imu]\nhold_limit_s = -0.1", "run.toml").unwrap_err().to_string();

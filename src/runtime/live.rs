@@ -131,7 +131,12 @@ pub fn run_live(
     std::thread::scope(|scope| {
         let writer = scope.spawn(move || write_journal(&entries_out, journal));
         let receiver = {
-            let sink = ReceiveSink { samples: samples_in, entries: entries_in.clone(), lost: lost.clone(), traffic_lost: 0 };
+            let sink = ReceiveSink {
+                samples: samples_in,
+                entries: entries_in.clone(),
+                lost: lost.clone(),
+                traffic_lost: 0,
+            };
             let (signals, ended) = (signals.clone(), source_ended.clone());
             scope.spawn(move || receive(source, sink, &signals, &ended))
         };
@@ -238,7 +243,9 @@ impl SourceSink for ReceiveSink {
         self.own_up();
         let owned = match traffic {
             Traffic::Bytes(bytes) => OwnedTraffic::Bytes(bytes.into()),
-            Traffic::CanFrame { id, extended, data } => OwnedTraffic::Frame { id, extended, data: data.into() },
+            Traffic::CanFrame { id, extended, data } => {
+                OwnedTraffic::Frame { id, extended, data: data.into() }
+            }
         };
         if !self.note(Entry::Traffic(at, owned)) {
             self.traffic_lost += 1;
@@ -286,7 +293,9 @@ impl ControlLoop {
         let catch_up_ns = (settings.catch_up_s * 1e9) as u64;
         let mut tick = Tick(0);
         let mut ran = 0;
-        while !self.signals.stop.load(Ordering::Relaxed) && duration_s.is_none_or(|limit| tick.time_s() < limit) {
+        while !self.signals.stop.load(Ordering::Relaxed)
+            && duration_s.is_none_or(|limit| tick.time_s() < limit)
+        {
             let due = HostTime(start.0 + tick.0 * TICK_NS);
             self.clock.sleep_until(due);
             let late_ns = self.clock.now().0.saturating_sub(due.0);
@@ -323,7 +332,7 @@ impl ControlLoop {
         while let Ok(sample) = self.samples.try_recv() {
             self.resampler.push(sample);
         }
-        if ended && self.resampler.newest().is_none_or(|newest| newest.at < at) {
+        if ended && self.resampler.newest().is_none_or(|newest| newest < at) {
             return false;
         }
         let before = thread_cpu_time();

@@ -59,7 +59,15 @@ pub fn run_offline(
         tick = Tick(tick.0 + 1);
     }
     let resample = feed.resampler.counters();
-    Ok(RunOutcome { ticks: tick.0, last_tick: tick, times, overruns: 0, late_ticks: 0, dropped: resample.dropped, resample })
+    Ok(RunOutcome {
+        ticks: tick.0,
+        last_tick: tick,
+        times,
+        overruns: 0,
+        late_ticks: 0,
+        dropped: resample.dropped,
+        resample,
+    })
 }
 
 /// Name of a link state in events.

@@ -15,7 +15,8 @@ pub(super) fn enter_real_time(priority: u8, lock_memory: bool) -> Vec<String> {
         refused.push(format!("real-time priority {priority} refused ({error}): ticks may come late"));
     }
     if lock_memory
-        && let Err(error) = rustix::mm::mlockall(rustix::mm::MlockAllFlags::CURRENT | rustix::mm::MlockAllFlags::FUTURE)
+        && let Err(error) =
+            rustix::mm::mlockall(rustix::mm::MlockAllFlags::CURRENT | rustix::mm::MlockAllFlags::FUTURE)
     {
         refused.push(format!("locking memory refused ({error}): a page fault may make a tick late"));
     }

@@ -52,7 +52,12 @@ impl std::fmt::Debug for Source {
 
 impl Source {
     /// A source; `baud` is given for a serial line only.
-    pub fn new(link: Box<dyn Link>, decoder: Box<dyn PacketDecoder>, pipeline: ImuPipeline, baud: Option<u32>) -> Self {
+    pub fn new(
+        link: Box<dyn Link>,
+        decoder: Box<dyn PacketDecoder>,
+        pipeline: ImuPipeline,
+        baud: Option<u32>,
+    ) -> Self {
         Self {
             link,
             decoder,
