@@ -154,8 +154,13 @@ impl Loader<'_> {
         if let Some(gravity) = element.vector("gravity")? {
             self.gravity = gravity;
         }
-        for name in ignored.iter().filter(|name| element.text(name).is_some()) {
-            self.notes.push(format!("{}: option {name} belongs to another engine: ignored", element.place()));
+        let present: Vec<&str> = ignored.into_iter().filter(|name| element.text(name).is_some()).collect();
+        if !present.is_empty() {
+            self.notes.push(format!(
+                "{}: settings of another engine, ignored: {}",
+                element.place(),
+                present.join(", ")
+            ));
         }
         Ok(())
     }

@@ -51,7 +51,8 @@ impl Session {
     /// Runs, writes the files and prints the summary.
     pub(super) fn run(self) -> Result<ExitCode, Failure> {
         let model = self.config.model()?;
-        for note in &model.notes {
+        // About the shipped model there is nothing the user could do.
+        for note in model.notes.iter().filter(|_| self.config.character.is_some()) {
             show::note(&format!("note: {note}"));
         }
         let gravity = model.gravity.norm();

@@ -106,7 +106,7 @@ impl CharacterMetrics {
             trace.rows().iter().find(|row| row.tick.time_s() + 5e-10 >= stop_s).map(|row| row.of(character))
         });
         Self {
-            fell_at_s: trace.fell_at(character).map(|tick| tick.time_s()),
+            fell_at_s: trace.fell_at(character).map(|tick| super::summary::rounded(tick.time_s())),
             peak_gravity_tilt_deg: peak_deg(after.iter().copied(), |row| row.gravity_tilt),
             peak_gravity_tilt_in_spin_deg: peak_deg(in_spin, |row| row.gravity_tilt),
             peak_com_sway_deg: peak_deg(after.iter().copied(), |row| row.com_sway),
