@@ -16,6 +16,9 @@ pub const SCALE_LIMITS: (f64, f64) = (0.8, 1.25);
 /// Fastest stream whose alignment window is kept whole, Hz. Of a faster one the window is cut short.
 const FASTEST_HZ: f64 = 4000.0;
 
+/// A stream that has turned from its first sample for this long begins in motion: nothing is gained by waiting, s.
+const TURNING_FROM_THE_START_S: f64 = 0.1;
+
 /// What the first second of a stream said about the sensor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct AlignmentReport {
@@ -68,7 +71,8 @@ struct Alignment {
 ///
 /// The first [`ImuSettings::align_window_s`] of a stream are held back. If the sensor rests in them they give the
 /// gyro bias, the levelling of the mount and the scale of the accelerometer; then they are given out like all others.
-/// A stream that begins while the chair already turns uses calibration and mount as configured.
+/// A stream that begins while the chair already turns uses calibration and mount as configured, and is given out after
+/// a tenth of a second.
 ///
 /// No heap operation after construction.
 #[derive(Debug)]
@@ -178,9 +182,17 @@ impl ImuPipeline {
     fn hold_back(&mut self, held: Held, on_sample: &mut dyn FnMut(HeadSample)) {
         self.window.push(held);
         self.rest.push(&held.sample, held.has_specific_force);
-        if self.window_s() >= self.settings.align_window_s || self.window.len() == self.window_capacity {
+        let full =
+            self.window_s() >= self.settings.align_window_s || self.window.len() == self.window_capacity;
+        if full || self.turns_from_the_start() {
             self.align(on_sample);
         }
+    }
+
+    fn turns_from_the_start(&self) -> bool {
+        let limit = self.settings.rest.gyro_mean_max_rad_s;
+        self.window_s() >= TURNING_FROM_THE_START_S
+            && self.window.iter().all(|held| held.sample.omega_imu.norm() > limit)
     }
 
     /// Time from the first to the last sample held back, s.

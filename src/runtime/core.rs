@@ -129,6 +129,10 @@ impl CoreSettings {
     }
 }
 
+/// Yaw rate of the first measurement above which the chair already turns, rad/s. Below it both characters, who have
+/// stood at rest so far, just go on standing.
+const STARTS_TURNING: f64 = 0.05;
+
 /// Two characters on one turntable: a pure function of its settings and of every input so far.
 #[derive(Debug)]
 pub struct Core {
@@ -166,10 +170,11 @@ impl Core {
 
     /// One tick of 1 ms.
     pub fn step(&mut self, input: &TickInput) -> TickOutput {
-        if let (Some(chair), false) = (&input.chair, self.started) {
-            // The stream may begin while the chair already turns: platform, bodies and canals start with it.
-            self.started = true;
-            self.turntable = Turntable::turning(self.settings.turntable, chair.omega_head.z);
+        let first = if self.started { None } else { input.chair.as_ref().map(|chair| chair.omega_head.z) };
+        self.started |= first.is_some();
+        if let Some(rate) = first.filter(|rate| rate.abs() > STARTS_TURNING) {
+            // The stream begins while the chair already turns: platform, bodies and canals start with it.
+            self.turntable = Turntable::turning(self.settings.turntable, rate);
             self.stand_up();
         } else if input.respawn {
             self.stand_up();

@@ -15,8 +15,8 @@ use crate::time::{HostTime, Tick};
 
 /// Runs until the source ends, `duration_s` is over or `stop` is set.
 ///
-/// Tick k stands at k ms after the source's first stamp; each tick waits until the source has given a sample from
-/// after it, so every sample is used and none is held.
+/// Tick k stands at k ms after the source's first stamp. Like a live run it knows at each tick only what has arrived by
+/// then, and one sample more: between samples the motion is interpolated, none is held.
 ///
 /// # Errors
 /// The device's announced rate does not fit its line.
@@ -29,20 +29,21 @@ pub fn run_offline(
     stop: &AtomicBool,
     mut progress: impl FnMut(Tick),
 ) -> Result<RunOutcome, DeviceError> {
-    let mut feed = Feed { journal, resampler: Resampler::new(hold_limit_s), newest: None };
+    let mut feed =
+        Feed { journal, resampler: Resampler::new(hold_limit_s), newest: None, heard: HostTime::default() };
     let mut times = TickTimes::new();
     let mut ended = false;
     let mut health = LinkHealth::Waiting;
     let mut tick = Tick(0);
     while !stop.load(Ordering::Relaxed) && duration_s.is_none_or(|limit| tick.time_s() < limit) {
         let at = tick.host_time();
-        while !ended && feed.newest.is_none_or(|newest| newest < at) {
+        while !ended && feed.newest.unwrap_or(feed.heard) < at {
             ended = matches!(source.poll(Duration::ZERO, &mut feed)?, Polled::Ended);
             if stop.load(Ordering::Relaxed) {
                 break;
             }
         }
-        if ended && feed.newest.is_none_or(|newest| newest < at) {
+        if ended && feed.newest.unwrap_or_default() < at {
             break;
         }
         let (chair, link) = feed.resampler.at(at);
@@ -84,10 +85,13 @@ struct Feed<'a> {
     journal: &'a mut Journal,
     resampler: Resampler,
     newest: Option<HostTime>,
+    /// Stamp of the newest traffic.
+    heard: HostTime,
 }
 
 impl SourceSink for Feed<'_> {
     fn traffic(&mut self, at: HostTime, traffic: Traffic<'_>) {
+        self.heard = self.heard.max(at);
         self.journal.traffic(at, traffic);
     }
 
