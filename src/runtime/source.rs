@@ -7,9 +7,6 @@ use crate::device::{DeviceError, Link, LinkError, LinkStatus, Traffic, bandwidth
 use crate::imu::{AlignmentReport, ClockMode, HeadSample, ImuCounters, ImuPipeline};
 use crate::time::HostTime;
 
-/// Smallest sample of our protocol on the wire, bytes: what a line must carry at least.
-const SMALLEST_SAMPLE_BYTES: f64 = 14.6;
-
 /// Takes what a source produces.
 pub trait SourceSink {
     /// One piece of raw traffic.
@@ -39,7 +36,8 @@ pub struct Source {
     /// Baud rate of a real serial line, to hold against the rate the device announces.
     baud: Option<u32>,
     status: LinkStatus,
-    announced: bool,
+    /// Announced rate, Hz, and bytes of a sample on the line, as last held against each other.
+    announced: Option<(f64, f64)>,
     recognised: bool,
     last_at: HostTime,
 }
@@ -64,7 +62,7 @@ impl Source {
             pipeline,
             baud,
             status: LinkStatus::default(),
-            announced: false,
+            announced: None,
             recognised: false,
             last_at: HostTime::default(),
         }
@@ -93,9 +91,7 @@ impl Source {
             }
         };
         self.note_changes(sink);
-        if !self.announced {
-            self.check_announcement(sink)?;
-        }
+        self.check_announcement(sink)?;
         let mut bytes = [0; 64];
         if let Some(length) = self.decoder.poll_transmit(self.last_at.0 / 1000, &mut bytes) {
             // A request that cannot be sent is not retried: the next one follows in a second.
@@ -134,13 +130,19 @@ impl Source {
         }
     }
 
+    /// Holds the rate the device announces against what its line can carry, whenever either is learnt anew.
     fn check_announcement(&mut self, sink: &mut dyn SourceSink) -> Result<(), DeviceError> {
         let Some(rate_hz) = self.decoder.announced_rate_hz() else { return Ok(()) };
-        self.announced = true;
-        self.pipeline.announce_rate(rate_hz);
-        sink.event(self.last_at, &format!("device announces {rate_hz} samples/s"));
-        if let Some(baud) = self.baud {
-            bandwidth::check_serial(baud, rate_hz, SMALLEST_SAMPLE_BYTES)?;
+        let known = self.announced.replace((rate_hz, self.decoder.wire_bytes_per_sample().unwrap_or(0.0)));
+        if known == self.announced {
+            return Ok(());
+        }
+        if known.is_none_or(|(before, _)| before != rate_hz) {
+            self.pipeline.announce_rate(rate_hz);
+            sink.event(self.last_at, &format!("device announces {rate_hz} samples/s"));
+        }
+        if let (Some(baud), Some(bytes)) = (self.baud, self.decoder.wire_bytes_per_sample()) {
+            bandwidth::check_serial(baud, rate_hz, bytes)?;
         }
         Ok(())
     }

@@ -178,3 +178,20 @@ proptest! {
         prop_assert_eq!(pipeline.counters().non_finite as usize, values.len() - finite);
     }
 }
+
+#[test]
+fn a_stream_that_turns_from_its_first_sample_is_not_held_back_for_the_whole_window() {
+    let mut pipeline =
+        ImuPipeline::new(&ImuSettings::default(), Calibration::default(), Mount::default(), GRAVITY);
+    let mut first_out = None;
+    for k in 0..400 {
+        let reading = reading(k * 5000, [0.0, 0.0, 1.0], Some([0.0, 0.0, GRAVITY]));
+        pipeline.push(&reading, HostTime(k * 5_000_000), &mut |_| {
+            first_out.get_or_insert(k);
+        });
+    }
+    // 0.1 s at 200 Hz.
+    assert_eq!(first_out, Some(20));
+    assert!(pipeline.report().unwrap().started_moving);
+    assert_eq!(pipeline.counters().samples, 400);
+}
