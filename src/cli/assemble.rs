@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use super::failure::Failure;
 use crate::config::{Config, ConfigError, Sensor};
+use crate::device::fault::FaultInjector;
 use crate::device::protocol::PacketDecoder;
 use crate::device::protocol::detect::{TEXT, decoder_by_name, decoder_for};
 use crate::device::protocol::text::{TextDecoder, TextMapping};
@@ -46,6 +47,10 @@ pub(super) fn open_source(
     let decoder = decoder(config.protocol.as_deref(), selector, sensor.mapping.as_ref())?;
     let stamper = sensor.mapping.as_ref().filter(|_| decoder.protocol() == TEXT).map(line_stamper);
     let link = device::open(selector, clock, stamper)?;
+    let link: Box<dyn Link> = match &config.faults {
+        Some(plan) => Box::new(FaultInjector::new(link, plan.clone())?),
+        None => link,
+    };
     let link: Box<dyn Link> = match pace {
         Pace::Real if !live => Box::new(Paced::new(link, clock.clone(), 1.0)?),
         _ => link,

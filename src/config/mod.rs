@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use crate::character::{CharacterModel, ModelError, STANDING_MJCF};
 use crate::device::DeviceError;
+use crate::device::fault::FaultPlan;
 use crate::device::protocol::text::{TextError, TextMapping};
 use crate::imu::{Calibration, ImuConfigError, ImuSettings, Mount};
 use crate::runtime::{CoreSettings, CoreSettingsError, LiveSettings, LiveSettingsError};
@@ -30,6 +31,8 @@ pub struct Config {
     pub character: Option<PathBuf>,
     /// Preset of the vestibular model; it replaces `core.observer`.
     pub observer_preset: Option<String>,
+    /// Faults to inject into the traffic, for trials: none when absent.
+    pub faults: Option<FaultPlan>,
     /// From readings to head motion.
     pub imu: ImuSettings,
     /// Threads and deadlines of a live run.
@@ -135,6 +138,7 @@ impl Config {
             })?;
         }
         self.imu.validate(file)?;
+        self.faults.as_ref().map_or(Ok(()), FaultPlan::validate)?;
         self.core.check().map_err(|source| ConfigError::Core { file: file.to_owned(), source })?;
         self.live.check().map_err(|source| ConfigError::Live { file: file.to_owned(), source })?;
         Ok(self)

@@ -1,10 +1,13 @@
 //! Running the pure core: live, from a recording, or as fast as the machine goes.
 
+mod control;
 mod core;
 mod figure;
 mod journal;
 mod live;
 mod offline;
+mod queue;
+mod receive;
 mod sched;
 mod source;
 mod status;

@@ -3,7 +3,8 @@
 
 use std::time::Duration;
 
-/// Asks for SCHED_FIFO at `priority` for the calling thread and locks the process's memory.
+/// Asks for SCHED_FIFO at `priority` for the calling thread and locks the memory the process has now: the control thread
+/// uses no other, and locking all that is to come would make the recorder fail at the limit.
 ///
 /// What the system refuses comes back as a sentence each: a refusal costs jitter, not correctness.
 #[cfg(target_os = "linux")]
@@ -14,10 +15,7 @@ pub(super) fn enter_real_time(priority: u8, lock_memory: bool) -> Vec<String> {
     {
         refused.push(format!("real-time priority {priority} refused ({error}): ticks may come late"));
     }
-    if lock_memory
-        && let Err(error) =
-            rustix::mm::mlockall(rustix::mm::MlockAllFlags::CURRENT | rustix::mm::MlockAllFlags::FUTURE)
-    {
+    if lock_memory && let Err(error) = rustix::mm::mlockall(rustix::mm::MlockAllFlags::CURRENT) {
         refused.push(format!("locking memory refused ({error}): a page fault may make a tick late"));
     }
     refused
