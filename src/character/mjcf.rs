@@ -228,8 +228,10 @@ impl Loader<'_> {
                 "site" => self.site(child, index)?,
                 "body" => self.body(child, Some(index))?,
                 _ => {
-                    return Err(child
-                        .unsupported("body", "inertial, freejoint (root), joint (others), geom, site, body"));
+                    return Err(child.unsupported(
+                        "body",
+                        "inertial, freejoint (root), joint (others), geom, site, body",
+                    ));
                 }
             }
         }

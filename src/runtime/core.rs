@@ -11,7 +11,7 @@ use crate::dynamics::{BodyWrench, ContactSettings, PoseError, PoseSettings, stan
 use crate::hil::{ChairResidual, Turntable, TurntableSettings};
 use crate::tick::{TickInput, TickOutput};
 use crate::time::{TICK_S, Tick};
-use crate::vestibular::{NewmanObserver, ObserverParameters, ParameterError};
+use crate::vestibular::{HeadMotion, NewmanObserver, ObserverParameters, ParameterError};
 
 /// A push on the thorax.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -129,6 +129,16 @@ impl CoreSettings {
     }
 }
 
+/// Angular rate past which a chair motion is not believed, rad/s: no chair turns 16 times a second.
+pub const MAX_CHAIR_RATE: f64 = 100.0;
+/// Specific force past which a chair motion is not believed, m/s².
+pub const MAX_CHAIR_FORCE: f64 = 1000.0;
+
+fn is_plausible(chair: &HeadMotion) -> bool {
+    // Comparisons with NaN are false.
+    chair.omega_head.norm() <= MAX_CHAIR_RATE && chair.gif_head.norm() <= MAX_CHAIR_FORCE
+}
+
 /// Two characters on one turntable: a pure function of its settings and of every input so far.
 #[derive(Debug)]
 pub struct Core {
@@ -165,8 +175,11 @@ impl Core {
     }
 
     /// One tick of 1 ms.
+    ///
+    /// A chair motion that is not finite, or past [`MAX_CHAIR_RATE`] or [`MAX_CHAIR_FORCE`], counts as none.
     pub fn step(&mut self, input: &TickInput) -> TickOutput {
-        if let (Some(chair), false) = (&input.chair, self.started) {
+        let chair = input.chair.as_ref().filter(|chair| is_plausible(chair));
+        if let (Some(chair), false) = (chair, self.started) {
             // The stream may begin while the chair already turns: platform, bodies and canals start with it.
             self.started = true;
             self.turntable = Turntable::turning(self.settings.turntable, chair.omega_head.z);
@@ -174,9 +187,9 @@ impl Core {
         } else if input.respawn {
             self.stand_up();
         }
-        let measured = input.chair.as_ref().map(|chair| chair.omega_head.z);
+        let measured = chair.map(|chair| chair.omega_head.z);
         let platform = self.turntable.follow(measured, TICK_S);
-        let residual = ChairResidual::of(input.chair.as_ref(), &platform, &self.gravity);
+        let residual = ChairResidual::of(chair, &platform, &self.gravity);
         let push = self.push_at(input.tick);
         let green = self.green.step(&platform, &residual, push.as_ref());
         let blue = self.blue.step(&platform, &residual, push.as_ref());

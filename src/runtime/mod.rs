@@ -3,5 +3,5 @@
 mod core;
 mod figure;
 
-pub use core::{Core, CoreSettings, CoreSettingsError, Push};
+pub use core::{Core, CoreSettings, CoreSettingsError, MAX_CHAIR_FORCE, MAX_CHAIR_RATE, Push};
 pub use figure::Vestibular;

@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod closed_loop;
+mod core_robust;
 mod imu_logs;
 mod observer_cases;
 mod observer_golden;
