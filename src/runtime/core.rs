@@ -140,7 +140,7 @@ fn is_plausible(chair: &HeadMotion) -> bool {
 }
 
 /// Two characters on one turntable: a pure function of its settings and of every input so far.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Core {
     settings: Arc<CoreSettings>,
     gravity: Vector3<f64>,

@@ -4,4 +4,4 @@ mod core;
 mod figure;
 
 pub use core::{Core, CoreSettings, CoreSettingsError, MAX_CHAIR_FORCE, MAX_CHAIR_RATE, Push};
-pub use figure::Vestibular;
+pub use figure::{Figure, Vestibular};
