@@ -26,7 +26,7 @@ pub struct Push {
 }
 
 /// Everything that decides how the core behaves.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CoreSettings {
     /// The vestibular model.
@@ -45,21 +45,6 @@ pub struct CoreSettings {
     pub push: Option<Push>,
     /// Stand a fallen character up again after this time, s.
     pub respawn_after_s: Option<f64>,
-}
-
-impl Default for CoreSettings {
-    fn default() -> Self {
-        Self {
-            observer: ObserverParameters::default(),
-            balance: BalanceSettings::default(),
-            fall: FallSettings::default(),
-            contact: ContactSettings::default(),
-            turntable: TurntableSettings::default(),
-            pose: PoseSettings::default(),
-            push: None,
-            respawn_after_s: None,
-        }
-    }
 }
 
 /// Settings the core cannot run with.
