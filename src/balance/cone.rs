@@ -20,12 +20,15 @@ type Matrix6 = SMatrix<f64, 6, 6>;
 
 /// Softness δ of the wrench: small against (N/point)².
 const SOFTNESS: f64 = 1e-4;
-/// Rounds of Newton's method; 4 were the most while standing, 17 in falls.
-const MAX_ROUNDS: usize = 20;
-/// Halvings of a Newton step.
-const MAX_HALVINGS: usize = 6;
-/// Residual of the dual equation that counts as solved, N and N m.
-const TOLERANCE: f64 = 1e-9;
+/// Rounds of Newton's method: about 2 while standing, 15 from nothing to a wrench beyond the soles. More than this is
+/// only asked by wrenches that pull, after which the forces are inside their cones but not quite the nearest.
+const MAX_ROUNDS: usize = 40;
+/// Bisections of the line search.
+const BISECTIONS: usize = 16;
+/// Rise at the end of a step, relative to the fall at its start, up to which the whole step is taken.
+const FLAT: f64 = 0.1;
+/// Residual of the dual equation that counts as solved, relative to the wrench.
+const TOLERANCE: f64 = 1e-11;
 
 /// Forces at the contact points and what they leave unsupplied.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,29 +69,7 @@ impl ForceDistribution {
             target -= wrench_of(point, &least);
         }
         let cone = Cone { normal: *normal, friction };
-        if !self.dual.iter().all(|y| y.is_finite()) {
-            self.dual = Vector6::zeros();
-        }
-        let mut state = Evaluation::at(&self.dual, points, &cone, &target);
-        for _ in 0..MAX_ROUNDS {
-            if state.gradient.norm_squared() < TOLERANCE * TOLERANCE {
-                break;
-            }
-            let Some(factor) = Cholesky::new(hessian(&self.dual, points, &cone)) else { break };
-            let step = factor.solve(&state.gradient);
-            let slope = step.dot(&state.gradient);
-            let mut share = 1.0;
-            for _ in 0..=MAX_HALVINGS {
-                let trial = self.dual - share * step;
-                let next = Evaluation::at(&trial, points, &cone, &target);
-                if next.value <= state.value - 1e-4 * share * slope || share < 0.02 {
-                    self.dual = trial;
-                    state = next;
-                    break;
-                }
-                share *= 0.5;
-            }
-        }
+        let state = self.newton(points, &cone, &target);
         let mut unsupplied = *wrench;
         let force = std::array::from_fn(|i| state.force[i] + least);
         for (point, f) in points.iter().zip(&force) {
@@ -96,6 +77,57 @@ impl ForceDistribution {
         }
         SupportForces { force, unsupplied }
     }
+
+    /// Minimises the dual from the last solution by Newton's method with an exact line search.
+    fn newton(&mut self, points: &[Vector3<f64>; CONTACTS], cone: &Cone, target: &Vector6) -> Evaluation {
+        let mut state = Evaluation::at(&self.dual, points, cone, target);
+        if !state.gradient.iter().all(|g| g.is_finite()) {
+            self.dual = Vector6::zeros();
+            state = Evaluation::at(&self.dual, points, cone, target);
+        }
+        let small = TOLERANCE * (1.0 + target.norm());
+        for _ in 0..MAX_ROUNDS {
+            if state.gradient.norm() < small {
+                break;
+            }
+            let Some(factor) = Cholesky::new(hessian(&self.dual, points, cone)) else { break };
+            let step = factor.solve(&state.gradient);
+            let at = |share: f64| {
+                let dual = self.dual - share * step;
+                (dual, Evaluation::at(&dual, points, cone, target))
+            };
+            // Nothing but rounding is left when the dual does not fall along its own Newton step.
+            let Some(next) = line_search(at, &step, step.dot(&state.gradient)) else { break };
+            (self.dual, state) = next;
+        }
+        state
+    }
+}
+
+/// The whole step if the dual falls to its end, else the place where it stops falling (by bisection; the dual is convex).
+/// `slope` is how fast it falls at the start.
+fn line_search(
+    at: impl Fn(f64) -> (Vector6, Evaluation),
+    step: &Vector6,
+    slope: f64,
+) -> Option<(Vector6, Evaluation)> {
+    let whole = at(1.0);
+    let over = -whole.1.gradient.dot(step);
+    if over <= FLAT * slope {
+        return Some(whole);
+    }
+    let (mut low, mut high, mut best) = (0.0, 1.0, None);
+    for _ in 0..BISECTIONS {
+        let share = 0.5 * (low + high);
+        let next = at(share);
+        if next.1.gradient.dot(step) > 0.0 {
+            low = share;
+            best = Some(next);
+        } else {
+            high = share;
+        }
+    }
+    best
 }
 
 /// Force and moment of `force` acting at `point`.
@@ -109,9 +141,8 @@ fn asked(point: &Vector3<f64>, dual: &Vector6) -> Vector3<f64> {
     dual.fixed_rows::<3>(0) + dual.fixed_rows::<3>(3).cross(point)
 }
 
-/// Dual objective, its gradient and the forces at one y.
+/// Gradient of the dual objective and the forces at one y.
 struct Evaluation {
-    value: f64,
     gradient: Vector6,
     force: [Vector3<f64>; CONTACTS],
 }
@@ -119,14 +150,12 @@ struct Evaluation {
 impl Evaluation {
     fn at(dual: &Vector6, points: &[Vector3<f64>; CONTACTS], cone: &Cone, target: &Vector6) -> Self {
         let mut gradient = SOFTNESS * dual - target;
-        let mut value = 0.5 * SOFTNESS * dual.norm_squared() - target.dot(dual);
         let force = std::array::from_fn(|i| {
             let force = cone.project(&asked(&points[i], dual));
-            value += 0.5 * force.norm_squared();
             gradient += wrench_of(&points[i], &force);
             force
         });
-        Self { value, gradient, force }
+        Self { gradient, force }
     }
 }
 

@@ -12,6 +12,8 @@ mod kkt;
 mod momentum;
 mod perceive;
 mod settings;
+#[cfg(test)]
+mod tests;
 
 pub use cone::{ForceDistribution, SupportForces};
 pub use fall::{FallDetector, FallSettings};

@@ -101,7 +101,7 @@ fn distance_to_edge(a: &Vector2<f64>, b: &Vector2<f64>, point: &Vector2<f64>) ->
 
 /// Fills [`PerceivedBalance`] for the present state and the believed gravity.
 ///
-/// A believed gravity that points up or nearly along the ground is projected as if it stood [`LEAST_UPRIGHTNESS`]
+/// A believed gravity that points up or nearly along the ground is projected as if it stood a tenth (cosine)
 /// upright: by then the character has fallen, and the numbers must stay finite.
 pub fn perceive<D: Dynamics>(
     body: &D,

@@ -173,20 +173,17 @@ impl ContactStage {
             }
             factor.half_solve_chain(model, chain, half);
         }
-        let (left, right) = (model.body_chain(model.feet[0]), model.body_chain(model.feet[1]));
-        self.blocks = [Matrix6::zeros(); 3];
-        for (block, (a, b)) in [(0, 0), (0, 1), (1, 1)].into_iter().enumerate() {
-            let chains = [left, right];
-            for p in 0..FOOT_CHAIN {
-                if chains[a][p] != chains[b][p] {
-                    break; // past the common part of two legs
-                }
-                let weight = factor.inverse_diagonal[chains[a][p]];
-                let (ya, yb) = (&self.half[a][p], &self.half[b][p]);
-                for c in 0..6 {
-                    let scaled = weight * yb[c];
-                    for (r, entry) in ya.iter().enumerate() {
-                        self.blocks[block][(r, c)] += entry * scaled;
+        let chains = model.feet.map(|foot| model.body_chain(foot));
+        for (block, (a, b)) in self.blocks.iter_mut().zip([(0, 0), (0, 1), (1, 1)]) {
+            block.fill(0.0);
+            // Two legs share the root's degrees of freedom only.
+            let common = chains[a].iter().zip(chains[b]).take_while(|(p, q)| p == q);
+            for ((dof, _), (ya, yb)) in common.zip(self.half[a].iter().zip(&self.half[b])) {
+                let weight = factor.inverse_diagonal[*dof];
+                for (column, other) in yb.iter().enumerate() {
+                    let scaled = weight * other;
+                    for (row, entry) in ya.iter().enumerate() {
+                        block[(row, column)] += entry * scaled;
                     }
                 }
             }
@@ -260,12 +257,12 @@ impl ContactStage {
     ) -> [PointContact; CONTACTS] {
         let axes = ground.contact_axes();
         let mut points = [PointContact::default(); CONTACTS];
-        for i in 0..CONTACTS {
+        for (i, point) in points.iter_mut().enumerate() {
             let position = kinematics.origin + self.offset[i];
             let active = self.problem.active[i];
             let impulse = if active { self.problem.impulse[i] } else { Vector3::zeros() };
             memory.impulse[i] = impulse;
-            points[i] = PointContact { force: axes.transpose() * impulse / dt_s, position, active };
+            *point = PointContact { force: axes.transpose() * impulse / dt_s, position, active };
             let tangential = libm::hypot(impulse.x, impulse.y);
             let sticking =
                 active && impulse.z > 0.0 && tangential < ground.friction * impulse.z * (1.0 - 1e-6);

@@ -84,7 +84,7 @@ impl ContactProblem {
     }
 
     /// Velocity of point `i` for the present impulses.
-    fn velocity(&self, i: usize) -> Vector3<f64> {
+    pub(super) fn velocity(&self, i: usize) -> Vector3<f64> {
         let mut velocity = self.offset_velocity[i];
         for j in (0..CONTACTS).filter(|j| self.active[*j]) {
             let impulse = &self.impulse[j];
@@ -161,7 +161,7 @@ impl ContactProblem {
         }
     }
 
-    fn iterate(&mut self, sweeps: usize) {
+    pub(super) fn iterate(&mut self, sweeps: usize) {
         let mut inverse = [Matrix3::zeros(); CONTACTS];
         for i in (0..CONTACTS).filter(|i| self.active[*i]) {
             inverse[i] = self.block(i, i).try_inverse().unwrap_or_else(Matrix3::zeros);

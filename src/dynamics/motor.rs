@@ -118,10 +118,14 @@ impl MotorSolve {
     }
 
     /// The explicit torques of the present set: `tau_ff + D w` or the limit. `D v⁺` is in the diagonal; the caller's
-    /// right-hand side must hold `-D v` of the start velocity, which [`Self::start_drag`] gives.
+    /// right-hand side must hold `-D v` of the start velocity, which [`Self::start_drag`] gives. A pure torque motor
+    /// never enters the active set: its torque is clamped here.
     pub(super) fn explicit_torque(&self, motors: &MotorSet) -> JointVec {
         JointVec::from_fn(|j, _| {
             let own = match self.saturation[j] {
+                Saturation::Free if motors.damping[j] == 0.0 => {
+                    motors.torque[j].min(motors.torque_limit[j]).max(-motors.torque_limit[j])
+                }
                 Saturation::Free => motors.torque[j] + motors.damping[j] * motors.target_rate[j],
                 Saturation::AtUpper => motors.torque_limit[j],
                 Saturation::AtLower => -motors.torque_limit[j],

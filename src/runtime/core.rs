@@ -11,7 +11,7 @@ use crate::dynamics::{BodyWrench, ContactSettings, PoseError, PoseSettings, stan
 use crate::hil::{ChairResidual, Turntable, TurntableSettings};
 use crate::tick::{TickInput, TickOutput};
 use crate::time::{TICK_S, Tick};
-use crate::vestibular::{NewmanObserver, ObserverParameters, ParameterError};
+use crate::vestibular::{HeadMotion, NewmanObserver, ObserverParameters, ParameterError};
 
 /// A push on the thorax.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -26,7 +26,7 @@ pub struct Push {
 }
 
 /// Everything that decides how the core behaves.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CoreSettings {
     /// The vestibular model.
@@ -45,21 +45,6 @@ pub struct CoreSettings {
     pub push: Option<Push>,
     /// Stand a fallen character up again after this time, s.
     pub respawn_after_s: Option<f64>,
-}
-
-impl Default for CoreSettings {
-    fn default() -> Self {
-        Self {
-            observer: ObserverParameters::default(),
-            balance: BalanceSettings::default(),
-            fall: FallSettings::default(),
-            contact: ContactSettings::default(),
-            turntable: TurntableSettings::default(),
-            pose: PoseSettings::default(),
-            push: None,
-            respawn_after_s: None,
-        }
-    }
 }
 
 /// Settings the core cannot run with.
@@ -132,9 +117,18 @@ impl CoreSettings {
 /// Yaw rate of the first measurement above which the chair already turns, rad/s. Below it both characters, who have
 /// stood at rest so far, just go on standing.
 const STARTS_TURNING: f64 = 0.05;
+/// Angular rate past which a chair motion is not believed, rad/s: no chair turns 16 times a second.
+pub const MAX_CHAIR_RATE: f64 = 100.0;
+/// Specific force past which a chair motion is not believed, m/s².
+pub const MAX_CHAIR_FORCE: f64 = 1000.0;
+
+fn is_plausible(chair: &HeadMotion) -> bool {
+    // Comparisons with NaN are false.
+    chair.omega_head.norm() <= MAX_CHAIR_RATE && chair.gif_head.norm() <= MAX_CHAIR_FORCE
+}
 
 /// Two characters on one turntable: a pure function of its settings and of every input so far.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Core {
     settings: Arc<CoreSettings>,
     gravity: Vector3<f64>,
@@ -169,8 +163,11 @@ impl Core {
     }
 
     /// One tick of 1 ms.
+    ///
+    /// A chair motion that is not finite, or past [`MAX_CHAIR_RATE`] or [`MAX_CHAIR_FORCE`], counts as none.
     pub fn step(&mut self, input: &TickInput) -> TickOutput {
-        let first = if self.started { None } else { input.chair.as_ref().map(|chair| chair.omega_head.z) };
+        let chair = input.chair.as_ref().filter(|chair| is_plausible(chair));
+        let first = chair.filter(|_| !self.started).map(|chair| chair.omega_head.z);
         self.started |= first.is_some();
         if let Some(rate) = first.filter(|rate| rate.abs() > STARTS_TURNING) {
             // The stream begins while the chair already turns: platform, bodies and canals start with it.
@@ -179,9 +176,9 @@ impl Core {
         } else if input.respawn {
             self.stand_up();
         }
-        let measured = input.chair.as_ref().map(|chair| chair.omega_head.z);
+        let measured = chair.map(|chair| chair.omega_head.z);
         let platform = self.turntable.follow(measured, TICK_S);
-        let residual = ChairResidual::of(input.chair.as_ref(), &platform, &self.gravity);
+        let residual = ChairResidual::of(chair, &platform, &self.gravity);
         let push = self.push_at(input.tick);
         let green = self.green.step(&platform, &residual, push.as_ref());
         let blue = self.blue.step(&platform, &residual, push.as_ref());

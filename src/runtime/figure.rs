@@ -27,9 +27,9 @@ pub enum Vestibular {
     Perfect,
 }
 
-/// A character with its observer and its controller.
-#[derive(Debug)]
-pub(super) struct Figure {
+/// A character with its observer and its controller: sensors, belief, torques and body of one person.
+#[derive(Clone, Debug)]
+pub struct Figure {
     vestibular: Vestibular,
     settings: Arc<CoreSettings>,
     model: Arc<CharacterModel>,
@@ -45,7 +45,8 @@ pub(super) struct Figure {
 }
 
 impl Figure {
-    pub(super) fn new(
+    /// A character standing at rest in `standing`.
+    pub fn new(
         vestibular: Vestibular,
         settings: Arc<CoreSettings>,
         model: Arc<CharacterModel>,
@@ -71,7 +72,7 @@ impl Figure {
     }
 
     /// Stands the character up on a platform at `angle` that turns with `rate`; its inner ear starts adapted.
-    pub(super) fn stand_up(&mut self, angle: f64, rate: f64) {
+    pub fn stand_up(&mut self, angle: f64, rate: f64) {
         let mut state = self.standing;
         let turn = nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(
             libm::cos(angle / 2.0),
@@ -91,8 +92,8 @@ impl Figure {
         self.observer_started = false;
     }
 
-    /// One tick on the moving platform.
-    pub(super) fn step(
+    /// One tick of [`TICK_S`] on the moving platform, with the chair's residual added to what the head senses.
+    pub fn step(
         &mut self,
         platform: &PlatformMotion,
         residual: &ChairResidual,
@@ -164,6 +165,11 @@ impl Figure {
             last_good.state.velocity.fill(0.0);
             self.engine.restore(&last_good);
         }
+    }
+
+    /// Configuration and velocity of the body.
+    pub fn state(&self) -> &CharacterState {
+        self.engine.state()
     }
 
     /// Gives the observer this tick's head motion.

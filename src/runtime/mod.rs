@@ -12,8 +12,8 @@ mod sched;
 mod source;
 mod status;
 
-pub use self::core::{Core, CoreSettings, CoreSettingsError, Push};
-pub use figure::Vestibular;
+pub use self::core::{Core, CoreSettings, CoreSettingsError, MAX_CHAIR_FORCE, MAX_CHAIR_RATE, Push};
+pub use figure::{Figure, Vestibular};
 pub use journal::{Event, Journal};
 pub use live::{LiveSettings, LiveSettingsError, Signals, run_live};
 pub use offline::run_offline;

@@ -7,6 +7,7 @@
 mod can;
 mod candump;
 mod closed_loop;
+mod core_robust;
 mod imu_logs;
 mod observer_cases;
 mod observer_golden;

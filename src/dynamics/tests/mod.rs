@@ -1,6 +1,9 @@
 //! Golden numbers of an independent engine, and physical laws.
 
+mod contact;
 mod golden;
+mod laws;
+mod motors;
 
 use std::sync::Arc;
 

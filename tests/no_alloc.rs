@@ -1,0 +1,77 @@
+//! No heap operation in a tick: a counting allocator watches the core through a spin.
+
+// An allocator is unsafe by its signature; this one only counts and hands on to the system's. It needs a test binary of
+// its own, since a program has one allocator.
+#![allow(unsafe_code, clippy::unwrap_used)]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use nalgebra::Vector3;
+use otolith::character::CharacterModel;
+use otolith::imu::LinkHealth;
+use otolith::runtime::{Core, CoreSettings, Push};
+use otolith::tick::{Posture, TickInput};
+use otolith::time::Tick;
+use otolith::vestibular::HeadMotion;
+
+struct Counting;
+
+static OPERATIONS: AtomicU64 = AtomicU64::new(0);
+
+// SAFETY: every call goes unchanged to the system's allocator.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        OPERATIONS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller keeps the contract of `alloc`.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        OPERATIONS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: `pointer` came from `alloc` above with this layout.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
+        OPERATIONS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: as for `dealloc`.
+        unsafe { System.realloc(pointer, layout, new_size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Runs `core` for `ticks` and returns the heap operations of that time, and whether green stood all the time.
+fn operations(core: &mut Core, ticks: std::ops::Range<u64>) -> (u64, bool) {
+    let before = OPERATIONS.load(Ordering::Relaxed);
+    let mut standing = true;
+    for k in ticks {
+        let tick = Tick(k);
+        let rate = std::f64::consts::PI * (tick.time_s() - 0.1).clamp(0.0, 1.0);
+        let gif_head = Vector3::new(0.0, 0.0, -9.81);
+        let chair =
+            (k % 500 != 0).then_some(HeadMotion { omega_head: Vector3::new(0.0, 0.0, rate), gif_head });
+        let output = core.step(&TickInput { tick, chair, link: LinkHealth::Live, respawn: false });
+        standing &= output.green.posture == Posture::Standing;
+    }
+    (OPERATIONS.load(Ordering::Relaxed) - before, standing)
+}
+
+// One test only: the counter sees every thread of the binary.
+#[test]
+fn ticks_do_not_touch_the_heap_in_a_spin_nor_in_a_fall() {
+    let model = || CharacterModel::standing().unwrap();
+    let mut core = Core::new(CoreSettings::default(), model()).unwrap();
+    assert!(OPERATIONS.load(Ordering::Relaxed) > 0, "the counter does not count");
+    operations(&mut core, 0..100);
+    assert_eq!(operations(&mut core, 100..2100), (0, true));
+
+    let push = Push { start_s: 0.2, duration_s: 0.2, force: [800.0, 0.0] };
+    let settings = CoreSettings { push: Some(push), respawn_after_s: Some(1.0), ..CoreSettings::default() };
+    let mut core = Core::new(settings, model()).unwrap();
+    operations(&mut core, 0..100);
+    assert_eq!(operations(&mut core, 100..2500), (0, false), "falling");
+    assert_eq!(operations(&mut core, 2500..5000).0, 0, "lying and standing up again");
+}
