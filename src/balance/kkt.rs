@@ -118,7 +118,7 @@ impl System {
         residual
     }
 
-    /// `B W⁻¹ Bᵀ + ε`, lower triangle.
+    /// `B W⁻¹ Bᵀ + ε`, upper triangle.
     fn weighted_square(&self, inverse_weights: &[f64; 3]) -> [[f64; ROWS]; ROWS] {
         let mut square = [[0.0; ROWS]; ROWS];
         for (columns, weight) in
@@ -127,7 +127,7 @@ impl System {
             for column in columns {
                 for (i, row) in square.iter_mut().enumerate() {
                     let scaled = weight * column[i];
-                    for (entry, other) in row[..=i].iter_mut().zip(column) {
+                    for (entry, other) in row[i..].iter_mut().zip(&column[i..]) {
                         *entry += scaled * other;
                     }
                 }

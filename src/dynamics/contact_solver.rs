@@ -42,7 +42,7 @@ pub(super) struct ContactProblem {
     pub(super) impulse: [Vector3<f64>; CONTACTS],
     /// Coulomb friction coefficient.
     pub(super) friction: f64,
-    /// Compact scratch of the direct solver, lower triangle row by row.
+    /// Compact scratch of the direct solver, upper triangle row by row.
     scratch: [[f64; ROWS]; ROWS],
 }
 
@@ -149,7 +149,7 @@ impl ContactProblem {
         let mut x = [0.0; ROWS];
         for p in 0..count {
             let source = &self.matrix[rows[p]];
-            for q in 0..=p {
+            for q in p..count {
                 self.scratch[p][q] = source[rows[q]];
             }
             x[p] = -self.offset_velocity[rows[p] / POINT_ROWS][rows[p] % POINT_ROWS];
@@ -203,26 +203,35 @@ fn inside_cone(impulse: &Vector3<f64>, friction: f64) -> bool {
     impulse.z >= 0.0 && impulse.x * impulse.x + impulse.y * impulse.y <= limit * limit
 }
 
-/// `x <- A⁻¹ x` for the leading `count` rows of a symmetric positive definite `a` (lower triangle), in place.
+/// `x <- A⁻¹ x` for the leading `count` rows of a symmetric positive definite `a` (upper triangle), in place.
+///
+/// Right-looking `A = Uᵀ U`: the inner loops update contiguous rows, without a sum to wait for.
 pub(crate) fn cholesky_solve<const N: usize>(a: &mut [[f64; N]; N], x: &mut [f64; N], count: usize) {
     let mut inverse = [0.0; N];
-    for i in 0..count {
-        let (above, below) = a.split_at_mut(i);
-        let row = &mut below[0];
-        for (j, other) in above.iter().enumerate() {
-            let dot: f64 = row[..j].iter().zip(&other[..j]).map(|(p, q)| p * q).sum();
-            row[j] = (row[j] - dot) * inverse[j];
+    for k in 0..count {
+        let (above, below) = a.split_at_mut(k + 1);
+        let pivot = &mut above[k][..count];
+        inverse[k] = 1.0 / pivot[k].sqrt();
+        for entry in &mut pivot[k + 1..] {
+            *entry *= inverse[k];
         }
-        let square: f64 = row[..i].iter().map(|p| p * p).sum();
-        inverse[i] = 1.0 / (row[i] - square).sqrt();
-        let dot: f64 = row[..i].iter().zip(&x[..i]).map(|(p, q)| p * q).sum();
-        x[i] = (x[i] - dot) * inverse[i];
+        for (row, i) in below.iter_mut().zip(k + 1..count) {
+            subtract_scaled(&mut row[i..count], pivot[i], &pivot[i..]);
+        }
+        x[k] *= inverse[k];
+        let value = x[k];
+        subtract_scaled(&mut x[k + 1..count], value, &pivot[k + 1..]);
     }
-    for i in (0..count).rev() {
-        let value = x[i] * inverse[i];
-        x[i] = value;
-        for j in 0..i {
-            x[j] -= a[i][j] * value;
-        }
+    for k in (0..count).rev() {
+        let known: f64 = a[k][k + 1..count].iter().zip(&x[k + 1..count]).map(|(u, x)| u * x).sum();
+        x[k] = (x[k] - known) * inverse[k];
+    }
+}
+
+/// `x -= scale y`
+#[inline]
+fn subtract_scaled(x: &mut [f64], scale: f64, y: &[f64]) {
+    for (x, y) in x.iter_mut().zip(y) {
+        *x -= scale * y;
     }
 }
