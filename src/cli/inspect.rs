@@ -121,9 +121,12 @@ fn decoder_of_recording(
     };
     let protocol = args.protocol.as_deref().or(config.protocol.as_deref());
     let decoder: Box<dyn PacketDecoder> = match (protocol, mapping) {
-        (None | Some(TEXT), Some(mapping)) => Box::new(TextDecoder::new(&mapping)),
+        (Some(TEXT), Some(mapping)) => Box::new(TextDecoder::new(&mapping)),
+        (None, Some(mapping)) if matches!(selector, Selector::Replay { .. } | Selector::Serial { .. }) => {
+            Box::new(TextDecoder::new(&mapping))
+        }
         (Some(name), _) => decoder_by_name(name)?,
-        (None, None) => decoder_for(&selector),
+        (None, _) => decoder_for(&selector),
     };
     Ok((decoder, None))
 }

@@ -204,22 +204,7 @@ impl Session {
     /// Exit code of a run that came to its end.
     fn verdict(&self, facts: &SourceFacts, outcome: &RunOutcome) -> Result<ExitCode, Failure> {
         if facts.imu.samples == 0 {
-            let hint = match &self.selector {
-                Selector::Replay { .. } => {
-                    "`otolith inspect FILE` says what is in it; --protocol names a decoder, --log-map the columns of a text log"
-                }
-                _ => "check baud rate, wiring and protocol; `otolith devices` lists what is connected",
-            };
-            return Err(Failure::new(
-                FailureKind::Failed,
-                format!(
-                    "{}: not one sample arrived (protocol {}, {} good packets, {} bytes skipped)\n\nhint: {hint}",
-                    self.selector,
-                    facts.protocol,
-                    facts.decode.packets,
-                    facts.decode.bytes_skipped + facts.link.bytes_skipped,
-                ),
-            ));
+            return Err(self.no_samples(facts, outcome));
         }
         if outcome.dropped > 0 {
             return Err(Failure::new(
@@ -232,6 +217,37 @@ impl Session {
             ));
         }
         Ok(ExitCode::SUCCESS)
+    }
+
+    /// Why a run came to nothing.
+    fn no_samples(&self, facts: &SourceFacts, outcome: &RunOutcome) -> Failure {
+        let (ran_s, window_s) = (outcome.last_tick.time_s(), self.config.imu.align_window_s);
+        if facts.decode.packets > 0 && ran_s < window_s + self.config.live.input_delay_s {
+            return Failure::new(
+                FailureKind::Failed,
+                format!(
+                    "{}: ended after {ran_s:.1} s, before rest and mounting could be found in the first {window_s} s\n\n\
+                     hint: let it run for longer",
+                    self.selector
+                ),
+            );
+        }
+        let hint = match &self.selector {
+            Selector::Replay { .. } => {
+                "`otolith inspect FILE` says what is in it; --protocol names a decoder, --log-map the columns of a text log"
+            }
+            _ => "check baud rate, wiring and protocol; `otolith devices` lists what is connected",
+        };
+        Failure::new(
+            FailureKind::Failed,
+            format!(
+                "{}: not one sample arrived (protocol {}, {} good packets, {} bytes skipped)\n\nhint: {hint}",
+                self.selector,
+                facts.protocol,
+                facts.decode.packets,
+                facts.decode.bytes_skipped + facts.link.bytes_skipped,
+            ),
+        )
     }
 }
 

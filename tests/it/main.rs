@@ -5,6 +5,7 @@
 
 #[cfg(target_os = "linux")]
 mod can;
+mod cli;
 mod closed_loop;
 mod imu_logs;
 mod observer_cases;

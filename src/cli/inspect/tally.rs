@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use super::inspection::{Inspection, Range};
 use crate::device::Traffic;
 use crate::device::protocol::detect::PROTOCOLS;
-use crate::device::protocol::{ImuReading, PacketDecoder};
+use crate::device::protocol::{DeviceTime, ImuReading, PacketDecoder};
 use crate::report::LinkCounters;
 use crate::time::HostTime;
 
@@ -18,7 +18,12 @@ pub(super) struct Tally {
     clipped: u64,
     without_force: u64,
     without_time: u64,
-    time_s: Option<(f64, f64)>,
+    /// Arrival of the first and of the last sample.
+    arrivals: Option<(HostTime, HostTime)>,
+    /// The device's clock at the last sample that carried it, µs.
+    last_us: Option<u64>,
+    /// Time by the device's clock since its first sample, µs.
+    device_us: i64,
     /// Arrival of the last piece.
     pub(super) last_at: HostTime,
     omega: Extent,
@@ -59,29 +64,42 @@ impl Tally {
 
     fn reading(&mut self, at: HostTime, reading: &ImuReading) {
         self.samples += 1;
+        self.arrivals = Some((self.arrivals.map_or(at, |(first, _)| first), at));
         self.clipped += u64::from(reading.clipped);
         self.omega.take(&reading.omega_imu);
         match &reading.specific_force_imu {
             Some(force) => self.force.take(force),
             None => self.without_force += 1,
         }
-        let time_s = match reading.device_time {
-            // A clock that wraps is followed by arrival: durations here only describe the file.
-            Some(time) if time.wraps_after_us.is_none() => time.micros as f64 * 1e-6,
-            Some(_) => at.as_secs_f64(),
-            None => {
-                self.without_time += 1;
-                at.as_secs_f64()
+        match reading.device_time {
+            Some(time) => self.device_time(time),
+            None => self.without_time += 1,
+        }
+    }
+
+    /// Follows the device's clock through its wraps; a step back is one.
+    fn device_time(&mut self, time: DeviceTime) {
+        if let Some(last_us) = self.last_us.replace(time.micros) {
+            let mut step_us = time.micros.wrapping_sub(last_us) as i64;
+            if let Some(wrap_us) = time.wraps_after_us.map(|wrap_us| wrap_us as i64).filter(|us| *us > 0) {
+                step_us = step_us.rem_euclid(wrap_us);
+                step_us -= if step_us > wrap_us / 2 { wrap_us } else { 0 };
             }
-        };
-        let first = self.time_s.map_or(time_s, |(first, _)| first);
-        self.time_s = Some((first, time_s));
+            self.device_us = self.device_us.saturating_add(step_us);
+        }
+    }
+
+    /// From the first sample to the last, by the device's clock if every sample carries it, else by arrival.
+    fn duration_s(&self) -> Option<f64> {
+        let (first, last) = self.arrivals?;
+        let by_arrival = last.saturating_since(first).as_secs_f64();
+        Some(if self.without_time > 0 { by_arrival } else { self.device_us as f64 * 1e-6 })
     }
 
     /// What was found.
     pub(super) fn inspection(&self, file: &Path, kind: &str, decoder: &dyn PacketDecoder) -> Inspection {
         let counters = decoder.counters();
-        let duration_s = self.time_s.map(|(first, last)| last - first);
+        let duration_s = self.duration_s();
         let rate_hz = duration_s.filter(|s| *s > 0.0).map(|s| self.samples.saturating_sub(1) as f64 / s);
         Inspection {
             file: file.display().to_string(),
