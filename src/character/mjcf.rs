@@ -54,7 +54,10 @@ pub enum ModelError {
         supported: String,
     },
     /// A value that cannot be used.
-    #[error("{place}: `{attribute}` of <{element}> is `{got}`, expected {expected}")]
+    #[error(
+        "{place}: `{attribute}` of <{element}> is `{got}`, expected {expected}\n\n\
+         hint: configs/characters/standing.xml shows how it is written"
+    )]
     BadValue {
         /// `file:line`.
         place: String,
@@ -194,6 +197,7 @@ impl Loader<'_> {
 
     /// The moving ground: a body with the single hinge `platform`. It becomes a ground surface, not a degree of freedom.
     fn platform(&mut self, element: Element) -> Result<(), ModelError> {
+        element.allow(&["name", "pos", "quat"], &[])?;
         for child in element.children() {
             match child.name() {
                 "inertial" | "joint" => {}

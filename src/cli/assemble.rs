@@ -1,7 +1,5 @@
 //! From a configuration to a source: the one place that joins link, decoder and IMU path.
 
-use std::io::Read;
-use std::path::Path;
 use std::sync::Arc;
 
 use super::failure::Failure;
@@ -24,9 +22,6 @@ pub(super) enum Pace {
     /// As fast as the machine goes.
     Max,
 }
-
-/// Bytes of a text log that are held against the mapping before the run.
-const LOG_PROBE_BYTES: u64 = 64 * 1024;
 
 /// Opens the device of `config` and everything between it and head samples.
 pub(super) fn open_source(
@@ -68,17 +63,25 @@ pub(super) fn decoder(
     protocol: Option<&str>,
     selector: &Selector,
     mapping: Option<&TextMapping>,
-) -> Result<Box<dyn PacketDecoder>, DeviceError> {
+) -> Result<Box<dyn PacketDecoder>, Failure> {
     let text_log = is_text_log(selector)?;
+    // A mapping is given for text only: a log, or a sketch that prints lines.
+    let text_fits = text_log || matches!(selector, Selector::Serial { .. });
     match (protocol, mapping) {
         (Some(TEXT), Some(mapping)) => Ok(Box::new(TextDecoder::new(mapping))),
-        // A mapping is given for text only: a log, or a sketch that prints lines.
-        (None, Some(mapping)) if text_log || matches!(selector, Selector::Serial { .. }) => {
-            Ok(Box::new(TextDecoder::new(mapping)))
-        }
-        (Some(name), _) => decoder_by_name(name),
-        (None, None) if text_log => Err(DeviceError::NeedsMapping),
+        (None, Some(mapping)) if text_fits => Ok(Box::new(TextDecoder::new(mapping))),
+        (Some(TEXT), None) => Err(needs_mapping(selector)),
+        (Some(name), _) => Ok(decoder_by_name(name)?),
+        (None, None) if text_log => Err(needs_mapping(selector)),
         (None, _) => Ok(decoder_for(selector)),
+    }
+}
+
+fn needs_mapping(selector: &Selector) -> Failure {
+    let error = DeviceError::NeedsMapping;
+    match selector {
+        Selector::Replay { path, .. } => Failure::usage(format!("{}: {error}", path.display())),
+        selector => Failure::usage(format!("{selector}: {error}")),
     }
 }
 
@@ -100,7 +103,8 @@ fn is_text_log(selector: &Selector) -> Result<bool, DeviceError> {
     Ok(kind == FileKind::Text)
 }
 
-/// Holds the beginning of a text log against its mapping: a missing column is an error at once, not a row count later.
+/// Holds a text log against its mapping: a missing column or a value that is no number is an error before the run,
+/// not a row count after it. Of a device the same is only counted.
 fn check_text_log(config: &Config, selector: &Selector, sensor: &Sensor) -> Result<(), Failure> {
     let (Selector::Replay { path, .. }, Some(mapping), Some(map_file)) =
         (selector, &sensor.mapping, &config.log_map)
@@ -110,17 +114,9 @@ fn check_text_log(config: &Config, selector: &Selector, sensor: &Sensor) -> Resu
     if !is_text_log(selector)? {
         return Ok(());
     }
-    let start = read_start(path)?;
-    mapping
-        .check_log(&path.display().to_string(), &map_file.display().to_string(), &start)
-        .map_err(ConfigError::from)?;
+    let log = std::fs::read(path).map_err(|source| DeviceError::File { path: path.clone(), source })?;
+    let name = path.display().to_string();
+    mapping.check_log(&name, &map_file.display().to_string(), &log).map_err(ConfigError::from)?;
+    mapping.check_rows(&name, &log).map_err(ConfigError::from)?;
     Ok(())
-}
-
-fn read_start(path: &Path) -> Result<Vec<u8>, Failure> {
-    let file_error = |source| DeviceError::File { path: path.to_owned(), source };
-    let mut start = Vec::new();
-    let file = std::fs::File::open(path).map_err(file_error)?;
-    file.take(LOG_PROBE_BYTES).read_to_end(&mut start).map_err(file_error)?;
-    Ok(start)
 }

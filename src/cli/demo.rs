@@ -22,8 +22,6 @@ use crate::time::utc_now_compact;
     otolith demo --rate-rpm 10 --json --out slow")]
 pub(super) struct DemoArgs {
     #[command(flatten)]
-    chair: ChairArgs,
-    #[command(flatten)]
     options: Options,
     /// Folder for figure, summary and recording [default: a new folder named by date and time, UTC].
     #[arg(long, value_name = "DIR")]
@@ -31,6 +29,9 @@ pub(super) struct DemoArgs {
     /// Real time, or as fast as the machine goes.
     #[arg(long, value_enum, default_value_t = Pace::Max)]
     pace: Pace,
+    // Last, because its heading would hold for every option behind it.
+    #[command(flatten)]
+    chair: ChairArgs,
 }
 
 pub(super) fn run(args: &DemoArgs, json: bool) -> Result<ExitCode, Failure> {

@@ -6,6 +6,13 @@ use super::failure::Failure;
 use super::show;
 use crate::device::discover::{Access, DiscoveredPort, PortKind, discover};
 
+/// List serial ports and CAN interfaces, and whether you may open them.
+///
+/// Opens nothing. The first column is what `otolith run --device` takes.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  otolith devices\n  otolith devices --json")]
+pub(super) struct DevicesArgs;
+
 pub(super) fn run(json: bool) -> Result<ExitCode, Failure> {
     let ports = discover();
     if json {

@@ -1,6 +1,7 @@
 //! What ends a command early, and the exit code that goes with it.
 
 use std::fmt;
+use std::io::ErrorKind;
 use std::process::ExitCode;
 
 use super::perceive::PerceiveError;
@@ -88,12 +89,21 @@ impl From<RecordError> for Failure {
             RecordError::Exists { .. } | RecordError::NoFolder { .. } | RecordError::NotMcap { .. } => {
                 FailureKind::Usage
             }
-            RecordError::Io { ref source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
-                FailureKind::Usage
-            }
+            RecordError::Io { ref source, .. } if is_wrong_path(source.kind()) => FailureKind::Usage,
             RecordError::Io { .. } | RecordError::Write { .. } => FailureKind::Failed,
             _ => FailureKind::DataLost,
         };
         Self::new(kind, error.to_string())
     }
+}
+
+/// Whether another path, and not another try, is what helps.
+fn is_wrong_path(kind: ErrorKind) -> bool {
+    matches!(
+        kind,
+        ErrorKind::NotFound
+            | ErrorKind::NotADirectory
+            | ErrorKind::IsADirectory
+            | ErrorKind::PermissionDenied
+    )
 }

@@ -1,10 +1,12 @@
 //! The command line: one file per command. Results go to stdout, all else to stderr.
 
 mod assemble;
+mod console;
 mod demo;
 mod devices;
 mod failure;
 mod inspect;
+mod outputs;
 pub mod perceive;
 mod replay;
 mod run;
@@ -38,19 +40,14 @@ struct Cli {
     json: bool,
 }
 
+// No texts here: they would stand above those of the arguments.
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Spin a mock chair and show what both characters do.
     Demo(demo::DemoArgs),
-    /// Drive both characters from a device, a log or a mock.
     Run(Box<run::RunArgs>),
-    /// Run a recording again; with --verify compare every bit.
     Replay(replay::ReplayArgs),
-    /// Run the vestibular observer alone over a CSV of head motion.
     Perceive(perceive::PerceiveArgs),
-    /// List serial ports and CAN interfaces, and whether you may open them.
-    Devices,
-    /// Say what a recording, a log or a raw capture holds.
+    Devices(devices::DevicesArgs),
     Inspect(inspect::InspectArgs),
 }
 
@@ -66,7 +63,7 @@ pub fn main() -> ExitCode {
             show::result(&summary, json)?;
             Ok(ExitCode::SUCCESS)
         }),
-        Command::Devices => devices::run(json),
+        Command::Devices(_) => devices::run(json),
         Command::Inspect(args) => inspect::run(args, json),
     };
     result.unwrap_or_else(|failure| {

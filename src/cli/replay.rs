@@ -1,12 +1,14 @@
 //! `otolith replay`: a recording once more, from its own configuration, tick by tick.
 
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use serde_json::Value;
 
 use super::failure::{Failure, FailureKind};
-use super::session::{Outputs, build_fingerprint, support_outline};
+use super::outputs::{Outputs, support_outline};
+use super::session::build_fingerprint;
 use super::show;
 use crate::character::{CharacterModel, STANDING_MJCF};
 use crate::config::Config;
@@ -58,7 +60,7 @@ pub(super) fn run(args: &ReplayArgs, json: bool) -> Result<ExitCode, Failure> {
     let support_polygon = support_outline(&config.core, &model)?;
     let push_end_s = config.core.push.map(|push| push.start_s + push.duration_s);
     let mut core = Core::new(config.core.clone(), model)?;
-    let outputs = Outputs::claim(args.out.as_deref(), args.force)?;
+    let outputs = Outputs::claim(args.out.as_deref(), None, args.force)?;
 
     let (mut trace, mut times) = (Trace::new(), TickTimes::new());
     let clock = SystemClock::start_now();
@@ -83,6 +85,7 @@ pub(super) fn run(args: &ReplayArgs, json: bool) -> Result<ExitCode, Failure> {
     );
     let subtitle = format!("replay of {}", config.device.as_deref().unwrap_or("a recording"));
     let figure = svg::render(&trace, &analysis, &Caption { title: name.clone(), subtitle, support_polygon });
+    outputs.make_folder()?;
     outputs.write(&mut summary, &figure)?;
     let same_build = header.fingerprint == build_fingerprint();
     present(&summary, &report, args.verify, same_build, json)?;
@@ -90,18 +93,26 @@ pub(super) fn run(args: &ReplayArgs, json: bool) -> Result<ExitCode, Failure> {
 }
 
 /// Opens a recording; a file cut within its first bytes is damaged, not a file of another kind.
-fn open(path: &Path) -> Result<Recording, Failure> {
-    Recording::open(path).map_err(|error| match error {
-        RecordError::NotMcap { .. } if is_cut_short(path) => {
-            Failure::new(FailureKind::DataLost, error.to_string())
-        }
-        error => error.into(),
+pub(super) fn open(path: &Path) -> Result<Recording, Failure> {
+    Recording::open(path).map_err(|error| match (error, length_of_cut_magic(path)) {
+        (RecordError::NotMcap { .. }, Some(bytes)) => Failure::new(
+            FailureKind::DataLost,
+            format!(
+                "{}: the recording is damaged: it is cut at byte {bytes}, 0 ticks read\n\n\
+                 hint: copy the file again if the original is whole",
+                path.display()
+            ),
+        ),
+        (error, _) => error.into(),
     })
 }
 
-/// Whether the file is nothing but a beginning of the magic bytes.
-fn is_cut_short(path: &Path) -> bool {
-    std::fs::read(path).is_ok_and(|bytes| mcap::MAGIC.starts_with(&bytes))
+/// Length of a file that is nothing but a beginning of the magic bytes.
+fn length_of_cut_magic(path: &Path) -> Option<usize> {
+    let mut start = Vec::new();
+    let file = std::fs::File::open(path).ok()?;
+    file.take(mcap::MAGIC.len() as u64 + 1).read_to_end(&mut start).ok()?;
+    mcap::MAGIC.starts_with(&start).then_some(start.len())
 }
 
 /// Samples and link counters as the recorded run summed them up; zero when it never did.

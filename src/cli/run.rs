@@ -23,14 +23,12 @@ pub(super) struct RunArgs {
     /// Device: serial:PORT?baud=N, can:IFACE, replay:FILE, mock:chair.
     #[arg(long, value_name = "SELECTOR")]
     device: Option<String>,
-    /// Parameters of mock:chair.
     #[command(flatten)]
-    chair: ChairArgs,
-    /// Configuration of the run.
+    sensor: SensorArgs,
     #[command(flatten)]
     options: Options,
     /// End after this much time.
-    #[arg(long, value_name = "S", value_parser = positive)]
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
     duration_s: Option<f64>,
     /// Write figure.svg and summary.json into this folder.
     #[arg(long, value_name = "DIR")]
@@ -41,18 +39,18 @@ pub(super) struct RunArgs {
     /// Print the effective configuration as TOML and stop.
     #[arg(long)]
     print_config: bool,
+    // Last, because its heading would hold for every option behind it.
+    #[command(flatten)]
+    chair: ChairArgs,
 }
 
-/// Options that every run has.
+/// What is known about the sensor beforehand.
 #[derive(Debug, clap::Args)]
-pub(super) struct Options {
-    /// Configuration file; the flags stand above it.
-    #[arg(long, value_name = "FILE.toml")]
-    config: Option<PathBuf>,
+struct SensorArgs {
     /// Columns of a text log.
     #[arg(long, value_name = "FILE.toml")]
     log_map: Option<PathBuf>,
-    /// Protocol of the device instead of finding it out.
+    /// Protocol of the device instead of finding it out: otolith-serial, otolith-can, text.
     #[arg(long, value_name = "NAME")]
     protocol: Option<String>,
     /// How the sensor is mounted on the chair.
@@ -61,6 +59,28 @@ pub(super) struct Options {
     /// Calibration of the sensor.
     #[arg(long, value_name = "FILE.toml")]
     calibration: Option<PathBuf>,
+}
+
+impl SensorArgs {
+    /// Puts the flags into the configuration, above what its file says.
+    fn apply(&self, config: &mut Config) {
+        for (slot, flag) in [
+            (&mut config.log_map, &self.log_map),
+            (&mut config.mount, &self.mount),
+            (&mut config.calibration, &self.calibration),
+        ] {
+            *slot = flag.clone().or(slot.take());
+        }
+        config.protocol = self.protocol.clone().or(config.protocol.take());
+    }
+}
+
+/// Options that every run has.
+#[derive(Debug, clap::Args)]
+pub(super) struct Options {
+    /// Configuration file; the flags stand above it.
+    #[arg(long, value_name = "FILE.toml")]
+    config: Option<PathBuf>,
     /// Model of the character (MJCF subset).
     #[arg(long, value_name = "FILE.xml")]
     character: Option<PathBuf>,
@@ -68,7 +88,7 @@ pub(super) struct Options {
     #[arg(long, value_name = "NAME", value_parser = clap::builder::PossibleValuesParser::new(PRESET_NAMES))]
     preset: Option<String>,
     /// Stand a fallen character up again after this time.
-    #[arg(long, value_name = "S", value_parser = positive)]
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
     respawn: Option<f64>,
     /// Write the recording to this file.
     #[arg(long, value_name = "FILE.mcap")]
@@ -85,18 +105,9 @@ impl Options {
             Some(path) => Config::load(path)?,
             None => Config::default(),
         };
-        let take = |slot: &mut Option<PathBuf>, flag: &Option<PathBuf>| {
-            if flag.is_some() {
-                slot.clone_from(flag);
-            }
-        };
-        take(&mut config.log_map, &self.log_map);
-        take(&mut config.mount, &self.mount);
-        take(&mut config.calibration, &self.calibration);
-        take(&mut config.character, &self.character);
-        config.protocol = self.protocol.clone().or(config.protocol);
+        config.character = self.character.clone().or(config.character);
         config.observer_preset = self.preset.clone();
-        config.core.respawn_after_s = self.respawn.or(config.core.respawn_after_s);
+        config.core.respawn_after_s = positive("--respawn", self.respawn)?.or(config.core.respawn_after_s);
         Ok(config.resolved("command line")?)
     }
 }
@@ -164,8 +175,14 @@ pub(super) fn expected_s(selector: &Selector) -> Option<f64> {
 pub(super) fn run(args: &RunArgs, json: bool) -> Result<ExitCode, Failure> {
     let mut config = args.options.config()?;
     config.device = args.device.clone().or(config.device);
+    args.sensor.apply(&mut config);
+    let duration_s = positive("--duration-s", args.duration_s)?;
     if args.print_config {
-        show::text(&config.to_toml())?;
+        if json {
+            show::json(&config)?
+        } else {
+            show::text(&config.to_toml())?
+        }
         return Ok(ExitCode::SUCCESS);
     }
     let device = config.device.clone().ok_or(ConfigError::NoDevice)?;
@@ -176,7 +193,7 @@ pub(super) fn run(args: &RunArgs, json: bool) -> Result<ExitCode, Failure> {
         config,
         selector,
         pace: args.pace,
-        duration_s: args.duration_s,
+        duration_s,
         record: args.options.record.clone(),
         out: args.out.clone(),
         force: args.options.force,
@@ -185,11 +202,12 @@ pub(super) fn run(args: &RunArgs, json: bool) -> Result<ExitCode, Failure> {
     .run()
 }
 
-/// A finite number above zero.
-pub(super) fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
-        Ok(value) => Err(format!("got {value}, expected more than 0")),
-        Err(error) => Err(error.to_string()),
+/// A time given by a flag, s: finite and above zero.
+fn positive(flag: &str, value: Option<f64>) -> Result<Option<f64>, Failure> {
+    match value {
+        Some(got) if !(got.is_finite() && got > 0.0) => Err(Failure::usage(format!(
+            "{flag} is {got}, expected more than 0 s\n\nhint: give a number of seconds, or leave {flag} out"
+        ))),
+        value => Ok(value),
     }
 }

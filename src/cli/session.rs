@@ -1,25 +1,24 @@
 //! One run from start to summary: what `demo` and `run` share.
 
 use std::collections::BTreeMap;
-use std::io::BufRead;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::time::Duration;
 
 use super::assemble::{Pace, open_source};
+use super::console::{listen_for_keys, show_status, stop_on_ctrl_c};
 use super::failure::{Failure, FailureKind};
+use super::outputs::{Outputs, support_outline};
 use super::show;
 use crate::config::Config;
 use crate::device::Selector;
 use crate::record::{Recorder, RecordingHeader};
 use crate::report::{Analysis, Caption, LinkCounters, RunFacts, Summary, TimingSummary, svg, table};
 use crate::runtime::{
-    Core, CoreSettings, Journal, LiveStatus, RunOutcome, Signals, SourceFacts, run_live, run_offline,
+    Core, Journal, LiveStatus, RunOutcome, Signals, Source, SourceFacts, run_live, run_offline,
 };
 use crate::time::{Clock, SystemClock};
-use crate::units::{DEG_PER_RAD, RAD_S_PER_RPM};
 
 /// What to run and where to put the results.
 pub(super) struct Session {
@@ -43,10 +42,6 @@ pub(super) struct Session {
     pub(super) json: bool,
 }
 
-/// Names of the files in the result folder.
-const FIGURE: &str = "figure.svg";
-const SUMMARY: &str = "summary.json";
-
 impl Session {
     /// Runs, writes the files and prints the summary.
     pub(super) fn run(self) -> Result<ExitCode, Failure> {
@@ -58,9 +53,10 @@ impl Session {
         let gravity = model.gravity.norm();
         let support_polygon = support_outline(&self.config.core, &model)?;
         let core = Core::new(self.config.core.clone(), model)?;
-        let outputs = Outputs::claim(self.out.as_deref(), self.force)?;
+        let outputs = Outputs::claim(self.out.as_deref(), self.record.as_deref(), self.force)?;
         let clock: Arc<dyn Clock> = Arc::new(SystemClock::start_now());
         let source = open_source(&self.config, &self.selector, gravity, self.pace, &clock)?;
+        outputs.make_folder()?;
         let journal = Journal::recording(self.recorder()?);
         let signals = Arc::new(Signals::default());
         stop_on_ctrl_c(&signals)?;
@@ -71,9 +67,23 @@ impl Session {
             Pace::Real => self.live(source, core, journal, &clock, &signals)?,
         };
         let wall_s = clock.now().saturating_since(started).as_secs_f64();
+        self.conclude(&facts, journal, &outcome, wall_s, support_polygon, &outputs)
+    }
+
+    /// Measures the run, writes its files and prints the summary. What cannot be written does not keep the summary
+    /// from the user.
+    fn conclude(
+        &self,
+        facts: &SourceFacts,
+        journal: Journal,
+        outcome: &RunOutcome,
+        wall_s: f64,
+        support_polygon: Vec<[f64; 2]>,
+        outputs: &Outputs,
+    ) -> Result<ExitCode, Failure> {
         let push_end_s = self.config.core.push.map(|push| push.start_s + push.duration_s);
         let analysis = Analysis::new(&journal.trace, push_end_s);
-        let mut summary = self.summary(&facts, &outcome, &analysis, wall_s);
+        let mut summary = self.summary(facts, outcome, &analysis, wall_s);
         summary.events =
             journal.events.iter().map(|event| format!("{:.3} s: {}", event.at_s, event.text)).collect();
         summary.recording = self.record.as_ref().map(|path| path.display().to_string());
@@ -83,19 +93,28 @@ impl Session {
             support_polygon,
         };
         let figure = svg::render(&journal.trace, &analysis, &caption);
-        outputs.write(&mut summary, &figure)?;
-        let text = serde_json::to_string(&summary).unwrap_or_default();
-        journal.finish(&text)?;
+        let written = outputs.write(&mut summary, &figure);
+        let recorded = journal.finish(&serde_json::to_string(&summary).unwrap_or_default());
         if self.json {
-            show::json(&summary)?
+            show::json(&summary)?;
         } else {
-            show::text(&table::render(&summary, table::stdout_takes_colour()))?
+            show::text(&table::render(&summary, table::stdout_takes_colour()))?;
         }
-        self.verdict(&facts, &outcome)
+        written?;
+        recorded?;
+        self.verdict(facts, outcome)
     }
 
     fn recorder(&self) -> Result<Option<Recorder>, Failure> {
         let Some(path) = &self.record else { return Ok(None) };
+        if let Selector::Replay { path: played, .. } = &self.selector
+            && is_same_file(path, played)
+        {
+            return Err(Failure::usage(format!(
+                "{}: cannot be played and written at once\n\nhint: choose another name with --record",
+                path.display()
+            )));
+        }
         let (name, text) = self.config.model_text()?;
         let config = Config { device: Some(self.selector.to_string()), ..self.config.clone() };
         let models = BTreeMap::from([(name, text)]);
@@ -105,7 +124,7 @@ impl Session {
 
     fn offline(
         &self,
-        mut source: crate::runtime::Source,
+        mut source: Source,
         mut core: Core,
         mut journal: Journal,
         signals: &Signals,
@@ -133,7 +152,7 @@ impl Session {
 
     fn live(
         &self,
-        source: crate::runtime::Source,
+        source: Source,
         core: Core,
         journal: Journal,
         clock: &Arc<dyn Clock>,
@@ -143,18 +162,7 @@ impl Session {
         let total_s = self.duration_s.or(self.expected_s);
         let bar = show::progress(total_s.map(|s| (s * 1000.0) as u64));
         listen_for_keys(signals);
-        let shown = std::thread::spawn({
-            let (status, signals, clock, bar) = (status.clone(), signals.clone(), clock.clone(), bar.clone());
-            move || {
-                while !signals.stop.load(Ordering::Relaxed) {
-                    let line = status.load();
-                    bar.set_position(line.tick);
-                    bar.set_message(status_line(&line));
-                    clock.sleep_until(clock.now() + Duration::from_millis(100));
-                }
-                bar.finish_and_clear();
-            }
-        });
+        let shown = show_status(bar, status.clone(), signals.clone(), clock.clone());
         let hold = self.config.imu.hold_limit_s;
         let live = &self.config.live;
         let result = run_live(source, core, journal, live, hold, self.duration_s, clock, signals, &status);
@@ -196,17 +204,7 @@ impl Session {
     /// Exit code of a run that came to its end.
     fn verdict(&self, facts: &SourceFacts, outcome: &RunOutcome) -> Result<ExitCode, Failure> {
         if facts.imu.samples == 0 {
-            return Err(Failure::new(
-                FailureKind::Failed,
-                format!(
-                    "{}: not one sample arrived (protocol {}, {} good packets, {} bytes skipped)\n\nhint: check baud rate \
-                     and protocol; `otolith devices` lists what is connected, `otolith inspect FILE` looks into a capture",
-                    self.selector,
-                    facts.protocol,
-                    facts.decode.packets,
-                    facts.decode.bytes_skipped + facts.link.bytes_skipped,
-                ),
-            ));
+            return Err(self.no_samples(facts, outcome));
         }
         if outcome.dropped > 0 {
             return Err(Failure::new(
@@ -219,6 +217,37 @@ impl Session {
             ));
         }
         Ok(ExitCode::SUCCESS)
+    }
+
+    /// Why a run came to nothing.
+    fn no_samples(&self, facts: &SourceFacts, outcome: &RunOutcome) -> Failure {
+        let (ran_s, window_s) = (outcome.last_tick.time_s(), self.config.imu.align_window_s);
+        if facts.decode.packets > 0 && ran_s < window_s + self.config.live.input_delay_s {
+            return Failure::new(
+                FailureKind::Failed,
+                format!(
+                    "{}: ended after {ran_s:.1} s, before rest and mounting could be found in the first {window_s} s\n\n\
+                     hint: let it run for longer",
+                    self.selector
+                ),
+            );
+        }
+        let hint = match &self.selector {
+            Selector::Replay { .. } => {
+                "`otolith inspect FILE` says what is in it; --protocol names a decoder, --log-map the columns of a text log"
+            }
+            _ => "check baud rate, wiring and protocol; `otolith devices` lists what is connected",
+        };
+        Failure::new(
+            FailureKind::Failed,
+            format!(
+                "{}: not one sample arrived (protocol {}, {} good packets, {} bytes skipped)\n\nhint: {hint}",
+                self.selector,
+                facts.protocol,
+                facts.decode.packets,
+                facts.decode.bytes_skipped + facts.link.bytes_skipped,
+            ),
+        )
     }
 }
 
@@ -241,61 +270,6 @@ fn device_facts(facts: &SourceFacts, outcome: &RunOutcome) -> serde_json::Value 
     })
 }
 
-/// One line on the state of a live run.
-fn status_line(line: &crate::runtime::StatusLine) -> String {
-    let fallen = if line.green_fallen { " fallen (r + Enter stands it up)" } else { "" };
-    format!(
-        "{:7.1} s  link {:<7}  chair {:6.1} rpm  green: gravity off by {:4.1} deg, sway {:4.1} deg{fallen}  blue: sway {:4.1} deg",
-        line.tick as f64 * 1e-3,
-        format!("{:?}", line.link).to_lowercase(),
-        line.chair_rate / RAD_S_PER_RPM,
-        line.green_tilt * DEG_PER_RAD,
-        line.green_sway * DEG_PER_RAD,
-        line.blue_sway * DEG_PER_RAD,
-    )
-}
-
-/// The first Ctrl-C ends the run cleanly; a second one ends the process.
-fn stop_on_ctrl_c(signals: &Arc<Signals>) -> Result<(), Failure> {
-    let signals = signals.clone();
-    ctrlc::set_handler(move || {
-        if signals.stop.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-    })
-    .map_err(|error| Failure::new(FailureKind::Failed, format!("cannot listen for Ctrl-C: {error}")))
-}
-
-/// `r` and Enter stand both characters up again.
-fn listen_for_keys(signals: &Arc<Signals>) {
-    if !std::io::IsTerminal::is_terminal(&std::io::stdin()) {
-        return;
-    }
-    let signals = signals.clone();
-    // The thread ends with the process: reading a terminal cannot be interrupted.
-    std::thread::spawn(move || {
-        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
-            if line.trim() == "r" {
-                signals.respawn.store(true, Ordering::Relaxed);
-            }
-        }
-    });
-}
-
-/// Corners of the support polygon around its centroid in the standing pose, m: for the figure.
-pub(super) fn support_outline(
-    settings: &CoreSettings,
-    model: &crate::character::CharacterModel,
-) -> Result<Vec<[f64; 2]>, Failure> {
-    use crate::dynamics::{Engine, GroundSurface, standing_pose};
-    let state = standing_pose(model, &settings.pose).map_err(|error| Failure::usage(error.to_string()))?;
-    let engine = Engine::new(Arc::new(model.clone()), settings.contact, state);
-    let ground = GroundSurface::level(model.friction);
-    let support = crate::balance::perceive(&engine, &ground, &model.gravity).support;
-    let centre = support.centroid_world.xy();
-    Ok(support.corners().iter().map(|corner| [corner.x - centre.x, corner.y - centre.y]).collect())
-}
-
 /// What distinguishes builds whose bits may differ.
 pub(super) fn build_fingerprint() -> String {
     let profile = if cfg!(debug_assertions) { "debug" } else { "release" };
@@ -307,45 +281,7 @@ pub(super) fn build_fingerprint() -> String {
     )
 }
 
-/// Files of a run besides the recording.
-pub(super) struct Outputs {
-    folder: Option<PathBuf>,
-}
-
-impl Outputs {
-    /// Makes the folder and makes sure nothing is overwritten unasked, before the run costs time.
-    pub(super) fn claim(folder: Option<&Path>, force: bool) -> Result<Self, Failure> {
-        if let Some(folder) = folder {
-            std::fs::create_dir_all(folder).map_err(|error| {
-                Failure::usage(format!(
-                    "{}: cannot make this folder: {error}\n\nhint: choose another with --out",
-                    folder.display()
-                ))
-            })?;
-            let taken =
-                [FIGURE, SUMMARY].into_iter().map(|name| folder.join(name)).find(|path| path.exists());
-            if let (Some(path), false) = (taken, force) {
-                return Err(Failure::usage(format!(
-                    "{}: the file exists already\n\nhint: choose another folder with --out, or overwrite it with --force",
-                    path.display()
-                )));
-            }
-        }
-        Ok(Self { folder: folder.map(Path::to_owned) })
-    }
-
-    /// Writes figure and summary and enters the figure's name into the summary.
-    pub(super) fn write(&self, summary: &mut Summary, figure: &str) -> Result<(), Failure> {
-        let Some(folder) = &self.folder else { return Ok(()) };
-        let write = |name: &str, text: &str| {
-            let path = folder.join(name);
-            std::fs::write(&path, text).map(|()| path.clone()).map_err(|error| {
-                Failure::new(FailureKind::Failed, format!("{}: cannot write it: {error}", path.display()))
-            })
-        };
-        summary.figure = Some(write(FIGURE, figure)?.display().to_string());
-        let text = serde_json::to_string_pretty(&summary).unwrap_or_default();
-        write(SUMMARY, &text)?;
-        Ok(())
-    }
+/// Whether two names lead to one existing file.
+fn is_same_file(one: &Path, other: &Path) -> bool {
+    matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
 }

@@ -3,6 +3,7 @@
 //! The effective configuration is written into each recording, so a recording needs nothing else. There are no
 //! environment variables.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use crate::character::{CharacterModel, ModelError, STANDING_MJCF};
@@ -45,7 +46,7 @@ pub struct Config {
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
     /// A file that cannot be read.
-    #[error("{}: cannot read it: {source}\n\nhint: check the path", path.display())]
+    #[error("{}: cannot read it: {source}\n\nhint: {}", path.display(), hint_for(source))]
     File {
         /// The file.
         path: PathBuf,
@@ -53,7 +54,7 @@ pub enum ConfigError {
         source: std::io::Error,
     },
     /// Not TOML, or a key or value that does not belong there.
-    #[error("{file}: {source}\n\nhint: `otolith run --print-config` prints every key with its default")]
+    #[error("{file}: {}\n\nhint: {PRINT_CONFIG}", source.to_string().trim_end())]
     Toml {
         /// The file.
         file: String,
@@ -61,7 +62,7 @@ pub enum ConfigError {
         source: toml::de::Error,
     },
     /// A preset that does not exist.
-    #[error("{file}: key `observer_preset` is `{got}`, allowed are {known}")]
+    #[error("{file}: key `observer_preset` is `{got}`, allowed are {known}\n\nhint: `seed` is the default")]
     Preset {
         /// The file.
         file: String,
@@ -71,7 +72,7 @@ pub enum ConfigError {
         known: String,
     },
     /// A value of the core out of range.
-    #[error("{file}: {source}")]
+    #[error("{file}: table [core]: {}", with_hint(source))]
     Core {
         /// The file.
         file: String,
@@ -79,7 +80,7 @@ pub enum ConfigError {
         source: CoreSettingsError,
     },
     /// A value of the live run out of range.
-    #[error("{file}: {source}")]
+    #[error("{file}: {}", with_hint(source))]
     Live {
         /// The file.
         file: String,
@@ -104,6 +105,22 @@ pub enum ConfigError {
          replay:FILE or mock:chair; `otolith devices` lists what is connected"
     )]
     NoDevice,
+}
+
+const PRINT_CONFIG: &str = "`otolith run --print-config` prints every key with its default";
+
+/// An error's text; one that brings no hint of its own gets the general one.
+fn with_hint(error: &dyn std::error::Error) -> String {
+    let text = error.to_string();
+    if text.contains("\n\nhint: ") { text } else { format!("{text}\n\nhint: {PRINT_CONFIG}") }
+}
+
+fn hint_for(error: &std::io::Error) -> &'static str {
+    match error.kind() {
+        ErrorKind::InvalidData => "a text file in UTF-8 is expected here; is this the right file?",
+        ErrorKind::IsADirectory => "this is a folder: name a file in it",
+        _ => "check the path, and that you may read the file",
+    }
 }
 
 impl Config {

@@ -17,7 +17,9 @@ pub enum DeviceError {
         hint: String,
     },
     /// A setting outside its range.
-    #[error("{what} = {got}: out of range\n\nhint: expected {expected}")]
+    #[error(
+        "{what} = {got} is out of range, expected {expected}\n\nhint: give a value in this range; the unit is part of the name"
+    )]
     Range {
         /// Name of the setting.
         what: String,
@@ -143,7 +145,7 @@ impl DeviceError {
         }
         Err(DeviceError::Range {
             what: what.to_owned(),
-            got: value.to_string(),
+            got: format!("{value:?}"),
             expected: format!("{} to {}", range.start(), range.end()),
         })
     }

@@ -63,7 +63,8 @@ pub enum RecordError {
     /// The file is something else.
     #[error(
         "{}: not a recording: it starts with \"{found}\", expected \"{}\"\n\n\
-         hint: text logs need a mapping file: --log-map configs/logs/NAME.toml",
+         hint: `replay` takes what --record wrote; a log is played by `otolith run --device replay:FILE`, \
+         with --log-map for a text log",
         path.display(), mcap::MAGIC.escape_ascii()
     )]
     NotMcap {

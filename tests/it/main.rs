@@ -6,6 +6,7 @@
 #[cfg(target_os = "linux")]
 mod can;
 mod candump;
+mod cli;
 mod closed_loop;
 mod core_robust;
 mod imu_logs;

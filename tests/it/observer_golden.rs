@@ -186,19 +186,26 @@ fn perceive_matches_on_every_stimulus() {
         let summary = run(&args).unwrap();
         assert_eq!(summary.rows, times(&case, 100).count() as u64);
 
-        let out = std::fs::read_to_string(&args.out).unwrap();
-        let mut worst = Worst::default();
-        for (line, golden) in out.lines().skip(1).step_by(50).zip(&case.rows) {
-            let values: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
-            let vector = |first: usize| Vector3::from_column_slice(&values[first..first + 3]);
-            assert!((values[0] - golden.t_s).abs() < 1e-9);
-            worst.add(golden, vector(1), vector(4), vector(7), values[10] / DEG_PER_RAD);
-        }
-        worst.check(&case, 100);
+        check_percepts(&case, &std::fs::read_to_string(&args.out).unwrap(), 100);
     }
 }
 
-fn head_motion_csv(case: &Case, rate_hz: u32) -> String {
+/// Holds the output of `otolith perceive` on a case's stimulus, sampled at `rate_hz`, against its golden rows.
+pub(crate) fn check_percepts(case: &Case, out: &str, rate_hz: u32) {
+    let per_golden_row = rate_hz as usize / 2;
+    assert_eq!(out.lines().count(), (case.rows.len() - 1) * per_golden_row + 2);
+    let mut worst = Worst::default();
+    for (line, golden) in out.lines().skip(1).step_by(per_golden_row).zip(&case.rows) {
+        let values: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
+        let vector = |first: usize| Vector3::from_column_slice(&values[first..first + 3]);
+        assert!((values[0] - golden.t_s).abs() < 1e-9);
+        worst.add(golden, vector(1), vector(4), vector(7), values[10] / DEG_PER_RAD);
+    }
+    worst.check(case, rate_hz);
+}
+
+/// A case's stimulus as the input of `otolith perceive`.
+pub(crate) fn head_motion_csv(case: &Case, rate_hz: u32) -> String {
     let mut text = "t_s,omega_x_rad_s,omega_y_rad_s,omega_z_rad_s,\
                     specific_force_x_m_s2,specific_force_y_m_s2,specific_force_z_m_s2\n"
         .to_owned();

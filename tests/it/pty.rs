@@ -17,13 +17,13 @@ const PATIENCE: u32 = 500;
 const POLL: Duration = Duration::from_millis(20);
 
 /// The device's end of a pseudo-terminal, with a name for the host's end that survives a replug.
-struct Device {
+pub(crate) struct Device {
     master: OwnedFd,
     link: PathBuf,
 }
 
 impl Device {
-    fn plug_in(folder: &Path) -> Self {
+    pub(crate) fn plug_in(folder: &Path) -> Self {
         let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a pseudo-terminal");
         grantpt(&master).expect("granted");
         unlockpt(&master).expect("unlocked");
@@ -35,16 +35,27 @@ impl Device {
         Self { master, link }
     }
 
-    fn port(&self) -> &str {
+    pub(crate) fn port(&self) -> &str {
         self.link.to_str().expect("UTF-8")
     }
 
-    fn write(&self, bytes: &[u8]) {
+    pub(crate) fn write(&self, bytes: &[u8]) {
         let mut rest = bytes;
         while !rest.is_empty() {
             let count = rustix::io::write(&self.master, rest).expect("written");
             rest = &rest[count..];
         }
+    }
+
+    /// Everything written to the host's end so far, once nobody holds that end open any more.
+    pub(crate) fn read_all(&self) -> String {
+        let mut got = Vec::new();
+        let mut piece = [0; 4096];
+        // A terminal without its other end reads as an error, not as an end of file.
+        while let Ok(count @ 1..) = rustix::io::read(&self.master, &mut piece) {
+            got.extend_from_slice(&piece[..count]);
+        }
+        String::from_utf8_lossy(&got).into_owned()
     }
 
     fn read(&self, count: usize) -> Vec<u8> {

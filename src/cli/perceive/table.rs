@@ -1,6 +1,7 @@
 //! The two tables of `otolith perceive`.
 
 use std::fs::File;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use csv::StringRecord;
@@ -40,8 +41,11 @@ pub(super) struct HeadMotionReader {
 impl HeadMotionReader {
     /// Opens `path` and finds the columns in its header.
     pub(super) fn open(path: &Path) -> Result<Self, PerceiveError> {
-        let file =
-            File::open(path).map_err(|source| PerceiveError::Open { path: path.to_path_buf(), source })?;
+        let open_error = |source| PerceiveError::Open { path: path.to_path_buf(), source };
+        let file = File::open(path).map_err(open_error)?;
+        if file.metadata().map_err(open_error)?.is_dir() {
+            return Err(open_error(io::ErrorKind::IsADirectory.into()));
+        }
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
         let header = reader.headers().map_err(|source| read_error(path, source))?.clone();
         if header.is_empty() {

@@ -133,7 +133,14 @@ impl MockParams {
         let rate_range = if self.kind == MockKind::Rest { 0.0..=0.0 } else { -80.0..=80.0 };
         DeviceError::check_range("rate_rpm", self.rate_rpm, rate_range)?;
         DeviceError::check_range("ramp_s", self.ramp_s, 0.0..=60.0)?;
-        DeviceError::check_range("spin_s", self.spin_s, self.ramp_s..=LONGEST_S)?;
+        DeviceError::check_range("spin_s", self.spin_s, 0.0..=LONGEST_S)?;
+        if self.spin_s < self.ramp_s {
+            return Err(DeviceError::Range {
+                what: "spin_s".to_owned(),
+                got: format!("{:?}", self.spin_s),
+                expected: format!("at least ramp_s, which is {:?}", self.ramp_s),
+            });
+        }
         DeviceError::check_range("rest_s", self.rest_s, 0.0..=LONGEST_S)?;
         DeviceError::check_range("after_s", self.after_s, 0.0..=LONGEST_S)?;
         DeviceError::check_range("sample_rate_hz", self.sample_rate_hz, 10.0..=2000.0)?;

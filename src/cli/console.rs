@@ -1,0 +1,75 @@
+//! The person at the terminal of a run: Ctrl-C, keys, the status line.
+
+use std::io::{BufRead, IsTerminal};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use indicatif::ProgressBar;
+
+use super::failure::{Failure, FailureKind};
+use crate::runtime::{LiveStatus, Signals, StatusLine};
+use crate::time::Clock;
+use crate::units::{DEG_PER_RAD, RAD_S_PER_RPM};
+
+/// Time between two updates of the status line.
+const REFRESH: Duration = Duration::from_millis(100);
+
+/// Shows the state of a live run on `bar` until the run ends, in a thread of its own.
+pub(super) fn show_status(
+    bar: ProgressBar,
+    status: Arc<LiveStatus>,
+    signals: Arc<Signals>,
+    clock: Arc<dyn Clock>,
+) -> std::thread::JoinHandle<()> {
+    std::thread::spawn(move || {
+        while !signals.stop.load(Ordering::Relaxed) {
+            let line = status.load();
+            bar.set_position(line.tick);
+            bar.set_message(status_line(&line));
+            clock.sleep_until(clock.now() + REFRESH);
+        }
+        bar.finish_and_clear();
+    })
+}
+
+/// One line on the state of a live run.
+fn status_line(line: &StatusLine) -> String {
+    let fallen = if line.green_fallen { " fallen (r + Enter stands it up)" } else { "" };
+    format!(
+        "{:7.1} s  link {:<7}  chair {:6.1} rpm  green: gravity off by {:4.1} deg, sway {:4.1} deg{fallen}  blue: sway {:4.1} deg",
+        line.tick as f64 * 1e-3,
+        format!("{:?}", line.link).to_lowercase(),
+        line.chair_rate / RAD_S_PER_RPM,
+        line.green_tilt * DEG_PER_RAD,
+        line.green_sway * DEG_PER_RAD,
+        line.blue_sway * DEG_PER_RAD,
+    )
+}
+
+/// The first Ctrl-C ends the run cleanly; a second one ends the process.
+pub(super) fn stop_on_ctrl_c(signals: &Arc<Signals>) -> Result<(), Failure> {
+    let signals = signals.clone();
+    ctrlc::set_handler(move || {
+        if signals.stop.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    })
+    .map_err(|error| Failure::new(FailureKind::Failed, format!("cannot listen for Ctrl-C: {error}")))
+}
+
+/// `r` and Enter stand both characters up again.
+pub(super) fn listen_for_keys(signals: &Arc<Signals>) {
+    if !std::io::stdin().is_terminal() {
+        return;
+    }
+    let signals = signals.clone();
+    // The thread ends with the process: reading a terminal cannot be interrupted.
+    std::thread::spawn(move || {
+        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+            if line.trim() == "r" {
+                signals.respawn.store(true, Ordering::Relaxed);
+            }
+        }
+    });
+}

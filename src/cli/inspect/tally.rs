@@ -1,0 +1,149 @@
+//! Counts and ranges of the readings in a file.
+
+use std::path::Path;
+
+use nalgebra::Vector3;
+
+use super::inspection::{Inspection, Range};
+use crate::device::Traffic;
+use crate::device::protocol::detect::PROTOCOLS;
+use crate::device::protocol::{DeviceTime, ImuReading, PacketDecoder};
+use crate::report::LinkCounters;
+use crate::time::HostTime;
+
+/// Collects what the readings of a file say.
+#[derive(Debug, Default)]
+pub(super) struct Tally {
+    samples: u64,
+    clipped: u64,
+    without_force: u64,
+    without_time: u64,
+    /// Arrival of the first and of the last sample.
+    arrivals: Option<(HostTime, HostTime)>,
+    /// The device's clock at the last sample that carried it, µs.
+    last_us: Option<u64>,
+    /// Time by the device's clock since its first sample, µs.
+    device_us: i64,
+    /// Arrival of the last piece.
+    pub(super) last_at: HostTime,
+    omega: Extent,
+    force: Extent,
+}
+
+#[derive(Debug, Default)]
+struct Extent {
+    count: u64,
+    min: Vector3<f64>,
+    max: Vector3<f64>,
+    sum: Vector3<f64>,
+}
+
+impl Extent {
+    fn take(&mut self, value: &Vector3<f64>) {
+        self.min = if self.count == 0 { *value } else { self.min.inf(value) };
+        self.max = if self.count == 0 { *value } else { self.max.sup(value) };
+        self.sum += value;
+        self.count += 1;
+    }
+
+    fn range(&self) -> Option<Range> {
+        (self.count > 0).then(|| Range {
+            min: self.min.into(),
+            mean: (self.sum / self.count as f64).into(),
+            max: self.max.into(),
+        })
+    }
+}
+
+impl Tally {
+    /// Shows a piece of traffic that arrived at `at` to the decoder and takes its readings.
+    pub(super) fn take(&mut self, decoder: &mut dyn PacketDecoder, at: HostTime, traffic: Traffic<'_>) {
+        self.last_at = at;
+        decoder.push(traffic, &mut |reading| self.reading(at, &reading));
+    }
+
+    fn reading(&mut self, at: HostTime, reading: &ImuReading) {
+        self.samples += 1;
+        self.arrivals = Some((self.arrivals.map_or(at, |(first, _)| first), at));
+        self.clipped += u64::from(reading.clipped);
+        self.omega.take(&reading.omega_imu);
+        match &reading.specific_force_imu {
+            Some(force) => self.force.take(force),
+            None => self.without_force += 1,
+        }
+        match reading.device_time {
+            Some(time) => self.device_time(time),
+            None => self.without_time += 1,
+        }
+    }
+
+    /// Follows the device's clock through its wraps; a step back is one.
+    fn device_time(&mut self, time: DeviceTime) {
+        if let Some(last_us) = self.last_us.replace(time.micros) {
+            let mut step_us = time.micros.wrapping_sub(last_us) as i64;
+            if let Some(wrap_us) = time.wraps_after_us.map(|wrap_us| wrap_us as i64).filter(|us| *us > 0) {
+                step_us = step_us.rem_euclid(wrap_us);
+                step_us -= if step_us > wrap_us / 2 { wrap_us } else { 0 };
+            }
+            self.device_us = self.device_us.saturating_add(step_us);
+        }
+    }
+
+    /// From the first sample to the last, by the device's clock if every sample carries it, else by arrival.
+    fn duration_s(&self) -> Option<f64> {
+        let (first, last) = self.arrivals?;
+        let by_arrival = last.saturating_since(first).as_secs_f64();
+        Some(if self.without_time > 0 { by_arrival } else { self.device_us as f64 * 1e-6 })
+    }
+
+    /// What was found.
+    pub(super) fn inspection(&self, file: &Path, kind: &str, decoder: &dyn PacketDecoder) -> Inspection {
+        let counters = decoder.counters();
+        let duration_s = self.duration_s();
+        let rate_hz = duration_s.filter(|s| *s > 0.0).map(|s| self.samples.saturating_sub(1) as f64 / s);
+        Inspection {
+            file: file.display().to_string(),
+            kind: kind.to_owned(),
+            protocol: decoder.protocol().to_owned(),
+            link: LinkCounters {
+                packets: counters.packets,
+                bad_checksum: counters.bad_checksum,
+                bytes_skipped: counters.bytes_skipped,
+                missing: counters.missing,
+                gaps: 0,
+                dropped: counters.device_dropped,
+            },
+            samples: self.samples,
+            duration_s,
+            rate_hz,
+            omega_rad_s: self.omega.range(),
+            specific_force_m_s2: self.force.range(),
+            clipped: self.clipped,
+            ticks: None,
+            damage: None,
+            events: Vec::new(),
+            notes: self.notes(decoder, counters.unknown),
+        }
+    }
+
+    /// What is missing, in words.
+    fn notes(&self, decoder: &dyn PacketDecoder, unknown: u64) -> Vec<String> {
+        let mut notes = Vec::new();
+        if self.samples == 0 {
+            notes.push(match decoder.protocol() {
+                "unknown" => format!("no sample was found: this is none of {}", PROTOCOLS.join(", ")),
+                protocol => format!("no sample of protocol {protocol} was found"),
+            });
+        }
+        if self.samples > 0 && self.without_force == self.samples {
+            notes.push("no accelerometer: tilt cannot be measured".to_owned());
+        }
+        if self.without_time > 0 {
+            notes.push("no device time: samples are dated by arrival".to_owned());
+        }
+        if unknown > 0 {
+            notes.push(format!("{unknown} packets of a type this decoder does not know"));
+        }
+        notes
+    }
+}
