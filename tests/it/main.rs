@@ -6,7 +6,9 @@
 #[cfg(target_os = "linux")]
 mod can;
 mod closed_loop;
+mod configs;
 mod imu_logs;
+mod layering;
 mod observer_cases;
 mod observer_golden;
 mod observer_laws;
