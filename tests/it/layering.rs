@@ -32,12 +32,24 @@ fn modules_use_what_the_table_says_and_nothing_else() {
     let order: Vec<String> = rows.iter().map(|row| names(&row[0]).remove(0)).collect();
     let listed: BTreeSet<&str> = order.iter().map(String::as_str).collect();
     let declared = declared_modules();
-    assert_eq!(listed, declared.iter().map(String::as_str).collect(), "lib.rs and the table name the same modules");
+    assert_eq!(
+        listed,
+        declared.iter().map(String::as_str).collect(),
+        "lib.rs and the table name the same modules"
+    );
 
     let mut used: BTreeMap<&str, BTreeSet<String>> = BTreeMap::new();
     for source in &sources {
-        assert!(!source.code.contains("super::super"), "{}: name the module instead of super::super", source.path);
-        assert!(!source.code.contains("use crate::{"), "{}: one `use` per module, for this test", source.path);
+        assert!(
+            !source.code.contains("super::super"),
+            "{}: name the module instead of super::super",
+            source.path
+        );
+        assert!(
+            !source.code.contains("use crate::{"),
+            "{}: one `use` per module, for this test",
+            source.path
+        );
         let uses = used.entry(source.module()).or_default();
         uses.extend(crate_paths(&source.code).filter(|module| module != source.module()));
     }
@@ -48,10 +60,16 @@ fn modules_use_what_the_table_says_and_nothing_else() {
         }
         let allowed: BTreeSet<String> = names(&row[2]).into_iter().collect();
         let found = used.remove(module).unwrap_or_default();
-        assert_eq!(found, allowed, "`{module}`: found in the sources (left), listed in docs/architecture.md (right)");
+        assert_eq!(
+            found, allowed,
+            "`{module}`: found in the sources (left), listed in docs/architecture.md (right)"
+        );
         for other in &allowed {
             let above = order.iter().position(|name| name == other);
-            assert!(above.is_some_and(|above| above < index), "`{module}` uses `{other}`, which is not above it");
+            assert!(
+                above.is_some_and(|above| above < index),
+                "`{module}` uses `{other}`, which is not above it"
+            );
         }
     }
 }
@@ -81,7 +99,11 @@ fn tests_and_comments_are_cut_out() {
     let (code, test_files) = without_tests(text);
     assert_eq!(crate_paths(&code).collect::<Vec<_>>(), ["a", "d"]);
     assert_eq!(test_files, ["helper"]);
-    assert!(mentions("std::fs::read", "fs::") && !mentions("offs::read", "fs::") && !mentions("nunsafe", "unsafe"));
+    assert!(
+        mentions("std::fs::read", "fs::")
+            && !mentions("offs::read", "fs::")
+            && !mentions("nunsafe", "unsafe")
+    );
 }
 
 /// Rows of the table of `docs/architecture.md` whose heading line starts with `heading`.
@@ -128,14 +150,19 @@ fn sources() -> Vec<Source> {
     let mut sources = Vec::new();
     for file in &files {
         let (code, test_files) = without_tests(&fs::read_to_string(file).unwrap());
-        let folder = if file.ends_with("mod.rs") { file.parent().unwrap().to_owned() } else { file.with_extension("") };
+        let folder = if file.ends_with("mod.rs") {
+            file.parent().unwrap().to_owned()
+        } else {
+            file.with_extension("")
+        };
         test_only.extend(test_files.iter().map(|name| folder.join(name)));
         let path = file.strip_prefix(&src).unwrap().to_string_lossy().replace('\\', "/");
         sources.push((file, Source { path, code }));
     }
     let is_test = |file: &Path| file.ancestors().any(|part| test_only.contains(&part.with_extension("")));
     let kept = sources.into_iter().filter(|(file, _)| !is_test(file)).map(|(_, source)| source);
-    let kept: Vec<Source> = kept.filter(|source| !["lib.rs", "main.rs"].contains(&source.path.as_str())).collect();
+    let kept: Vec<Source> =
+        kept.filter(|source| !["lib.rs", "main.rs"].contains(&source.path.as_str())).collect();
     assert!(kept.len() > 50, "only {} sources found", kept.len());
     kept
 }
