@@ -97,6 +97,36 @@ fn a_text_log_needs_its_mapping() {
     assert!((number(&json, "/omega_rad_s/min/2").to_degrees() + 10.0).abs() < 1e-9);
 }
 
+/// 3 s at 100 Hz: 1 s of rest, then 60 deg/s to the left.
+fn text_log() -> String {
+    let row = |i: u32| format!("{} 0 0 1 0 0 {}\n", i * 10_000, if i < 100 { 0 } else { 60 });
+    (0..=300).map(row).collect()
+}
+
+#[test]
+fn a_recorded_text_log_with_and_without_its_mapping() {
+    let place = Place::new();
+    place.write("log.txt", text_log());
+    std::fs::copy(shipped("configs/logs/arduino-mpu6050.toml"), place.path("map.toml")).expect("copied");
+    let args = ["run", "--device", "replay:log.txt", "--log-map", "map.toml", "--pace", "max", "--json"];
+    let run = place.run(&[&args[..], &["--record", "r.mcap"]].concat()).done().json();
+    assert_eq!(number(&run, "/samples"), 301.0);
+    // One interval ramps up: 60 deg/s for 2 s less half of 10 ms.
+    assert!((number(&run, "/chair/turned_deg") - 60.0 * 2.005).abs() < 0.1, "{run:#}");
+    let inspect = || place.run(&["inspect", "r.mcap", "--json"]).done().json();
+    assert_eq!(number(&inspect(), "/samples"), 301.0);
+
+    std::fs::remove_file(place.path("map.toml")).expect("removed");
+    std::fs::remove_file(place.path("log.txt")).expect("removed");
+    let json = inspect();
+    assert_eq!((number(&json, "/samples"), number(&json, "/ticks")), (0.0, number(&run, "/timing/ticks")));
+    assert!(
+        json["notes"].to_string().contains("map.toml cannot be read: name it with --log-map"),
+        "{json:#}"
+    );
+    place.run(&["replay", "r.mcap", "--verify"]).done();
+}
+
 #[test]
 fn foreign_and_random_bytes_hold_no_sample_and_say_so() {
     let place = Place::new();
