@@ -66,7 +66,7 @@ pub fn render(summary: &Summary, colour: bool) -> String {
 fn chair_lines(summary: &Summary) -> String {
     let chair = &summary.chair;
     let mut out =
-        format!("chair   peak {:.1} rpm, turned {:.1} deg\n", chair.peak_rate_rpm, chair.turned_deg);
+        format!("chair   peak {:.1} rpm, turned {} deg\n", chair.peak_rate_rpm, tenths(chair.turned_deg));
     for spin in &chair.spins {
         let stop = match spin.stop_s {
             Some(stop_s) => format!("{stop_s:.2} s"),
@@ -78,6 +78,11 @@ fn chair_lines(summary: &Summary) -> String {
 }
 
 /// The link's counters, those of trouble only where there was some; nothing for a run without a link.
+/// One decimal, never a negative zero.
+fn tenths(value: f64) -> String {
+    format!("{:.1}", (value * 10.0).round() / 10.0 + 0.0)
+}
+
 fn link_line(link: &LinkCounters) -> String {
     if *link == LinkCounters::default() {
         return String::new();
