@@ -12,12 +12,12 @@ use super::assemble::{decoder, line_stamper};
 use super::failure::{Failure, FailureKind};
 use super::replay::{damage_text, open};
 use super::show;
-use crate::config::Config;
+use crate::config::{Config, ConfigError, SENSOR_LOG_MAP};
 use crate::device::protocol::PacketDecoder;
-use crate::device::protocol::detect::{AutoDecoder, TEXT, decoder_by_name, decoder_for};
+use crate::device::protocol::detect::{TEXT, decoder_by_name, decoder_for};
 use crate::device::protocol::text::{TextDecoder, TextMapping};
 use crate::device::replay::{self, FileKind};
-use crate::device::{self, LinkError, Selector, Traffic};
+use crate::device::{self, DeviceError, LinkError, Selector, Traffic};
 use crate::time::{Clock, SystemClock};
 use inspection::Inspection;
 use tally::Tally;
@@ -64,7 +64,10 @@ fn log(args: &InspectArgs) -> Result<Inspection, Failure> {
         match link.receive(Duration::ZERO) {
             Ok(Some((at, traffic))) => tally.take(decoder.as_mut(), at, traffic),
             Ok(None) => {}
-            Err(LinkError::EndOfRecording | LinkError::Lost { .. }) => break,
+            Err(LinkError::EndOfRecording) => break,
+            Err(LinkError::Lost { port, source }) => {
+                return Err(DeviceError::File { path: port.into(), source }.into());
+            }
         }
     }
     if decoder.protocol() == TEXT {
@@ -84,14 +87,14 @@ fn recording(args: &InspectArgs) -> Result<Inspection, Failure> {
         Some(header) => Config::from_toml(&header.config, &args.file.display().to_string())?,
         None => Config::default(),
     };
-    let (mut decoder, note) = decoder_of_recording(args, config)?;
+    let recorded_map = recording.header().and_then(|header| header.models.get(SENSOR_LOG_MAP));
+    let mut decoder = decoder_of_recording(args, &config, recorded_map.map(String::as_str))?;
     let mut tally = Tally::default();
     for piece in recording.traffic()? {
         let piece = piece?;
         tally.take(decoder.as_mut(), piece.at, piece.traffic());
     }
     let mut inspection = tally.inspection(&args.file, "recording", decoder.as_ref());
-    inspection.notes.extend(note);
     inspection.ticks = Some(recording.damage().ticks_read);
     inspection.damage = Some(recording.damage().clone());
     for event in recording.events()? {
@@ -101,22 +104,16 @@ fn recording(args: &InspectArgs) -> Result<Inspection, Failure> {
     Ok(inspection)
 }
 
-/// The decoder for the traffic of a recording, from the flags or else from the recorded configuration. Mappings are
-/// files beside the recording: one that is gone is a note.
+/// The decoder for the traffic of a recording, from the flags or else from the recorded configuration and mapping.
 fn decoder_of_recording(
     args: &InspectArgs,
-    config: Config,
-) -> Result<(Box<dyn PacketDecoder>, Option<String>), Failure> {
+    config: &Config,
+    recorded_map: Option<&str>,
+) -> Result<Box<dyn PacketDecoder>, Failure> {
     let selector: Selector = config.device.as_deref().unwrap_or("mock:chair").parse()?;
-    let mapping = match (&args.log_map, &config.log_map) {
+    let mapping = match (&args.log_map, recorded_map) {
         (Some(_), _) => log_mapping(args.log_map.clone())?,
-        (None, Some(file)) => match log_mapping(Some(file.clone())) {
-            Ok(mapping) => mapping,
-            Err(_) => {
-                let note = format!("the mapping {} cannot be read: name it with --log-map", file.display());
-                return Ok((Box::new(AutoDecoder::new()), Some(note)));
-            }
-        },
+        (None, Some(text)) => Some(TextMapping::from_toml(SENSOR_LOG_MAP, text).map_err(ConfigError::from)?),
         (None, None) => None,
     };
     let protocol = args.protocol.as_deref().or(config.protocol.as_deref());
@@ -128,7 +125,7 @@ fn decoder_of_recording(
         (Some(name), _) => decoder_by_name(name)?,
         (None, _) => decoder_for(&selector),
     };
-    Ok((decoder, None))
+    Ok(decoder)
 }
 
 fn log_mapping(file: Option<PathBuf>) -> Result<Option<TextMapping>, Failure> {

@@ -17,7 +17,7 @@ use crate::report::{
     Analysis, Caption, LinkCounters, RunFacts, Summary, TickTimes, TimingSummary, Trace, svg, table,
 };
 use crate::runtime::Core;
-use crate::time::{Clock, SystemClock};
+use crate::time::{Clock, SystemClock, TICK_S};
 
 /// Run a recording again from its own configuration and its own tick inputs.
 #[derive(Debug, clap::Args)]
@@ -53,7 +53,7 @@ pub(super) fn run(args: &ReplayArgs, json: bool) -> Result<ExitCode, Failure> {
     let (model_name, model_text) = header
         .models
         .iter()
-        .next()
+        .find(|(name, _)| !name.starts_with("sensor/"))
         .map_or(("standing.xml", STANDING_MJCF), |(name, text)| (name.as_str(), text.as_str()));
     let model =
         CharacterModel::from_mjcf(model_text, model_name).map_err(crate::config::ConfigError::from)?;
@@ -76,7 +76,7 @@ pub(super) fn run(args: &ReplayArgs, json: bool) -> Result<ExitCode, Failure> {
     bar.finish_and_clear();
 
     let analysis = Analysis::new(&trace, push_end_s);
-    let simulated_s = trace.span_s().map_or(0.0, |(_, last)| last);
+    let simulated_s = trace.span_s().map_or(0.0, |(_, last)| last + TICK_S);
     let (samples, link) = recorded_counters(recording.summary());
     let timing = TimingSummary::new(&times, simulated_s, clock.now().as_secs_f64(), 0);
     let mut summary = Summary::new(

@@ -177,6 +177,11 @@ pub(super) fn run(args: &RunArgs, json: bool) -> Result<ExitCode, Failure> {
     config.device = args.device.clone().or(config.device);
     args.sensor.apply(&mut config);
     let duration_s = positive("--duration-s", args.duration_s)?;
+    if let Some(device) = &mut config.device {
+        let mut selector: Selector = device.parse()?;
+        args.chair.apply(&mut selector)?;
+        *device = selector.to_string();
+    }
     if args.print_config {
         if json {
             show::json(&config)?
@@ -185,9 +190,7 @@ pub(super) fn run(args: &RunArgs, json: bool) -> Result<ExitCode, Failure> {
         }
         return Ok(ExitCode::SUCCESS);
     }
-    let device = config.device.clone().ok_or(ConfigError::NoDevice)?;
-    let mut selector: Selector = device.parse()?;
-    args.chair.apply(&mut selector)?;
+    let selector: Selector = config.device.as_deref().ok_or(ConfigError::NoDevice)?.parse()?;
     Session {
         expected_s: expected_s(&selector),
         config,

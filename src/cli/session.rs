@@ -16,7 +16,7 @@ use crate::device::Selector;
 use crate::record::{Recorder, RecordingHeader};
 use crate::report::{Analysis, Caption, LinkCounters, RunFacts, Summary, TimingSummary, svg, table};
 use crate::runtime::{
-    Core, Journal, LiveStatus, RunOutcome, Signals, Source, SourceFacts, run_live, run_offline,
+    Core, Journal, LiveRun, LiveStatus, RunOutcome, Signals, Source, SourceFacts, run_offline,
 };
 use crate::time::{Clock, SystemClock};
 
@@ -86,6 +86,9 @@ impl Session {
         let mut summary = self.summary(facts, outcome, &analysis, wall_s);
         summary.events =
             journal.events.iter().map(|event| format!("{:.3} s: {}", event.at_s, event.text)).collect();
+        if journal.more_events > 0 {
+            summary.events.push(format!("and {} more; the recording has all of them", journal.more_events));
+        }
         summary.recording = self.record.as_ref().map(|path| path.display().to_string());
         let caption = Caption {
             title: self.selector.to_string(),
@@ -117,7 +120,8 @@ impl Session {
         }
         let (name, text) = self.config.model_text()?;
         let config = Config { device: Some(self.selector.to_string()), ..self.config.clone() };
-        let models = BTreeMap::from([(name, text)]);
+        let mut models = BTreeMap::from([(name, text)]);
+        models.extend(self.config.sensor_texts()?);
         let header = RecordingHeader::new(config.to_toml(), models, build_fingerprint());
         Ok(Some(Recorder::create(path, self.force, &header)?))
     }
@@ -163,9 +167,15 @@ impl Session {
         let bar = show::progress(total_s.map(|s| (s * 1000.0) as u64));
         listen_for_keys(signals);
         let shown = show_status(bar, status.clone(), signals.clone(), clock.clone());
-        let hold = self.config.imu.hold_limit_s;
-        let live = &self.config.live;
-        let result = run_live(source, core, journal, live, hold, self.duration_s, clock, signals, &status);
+        let run = LiveRun {
+            settings: self.config.live,
+            hold_limit_s: self.config.imu.hold_limit_s,
+            duration_s: self.duration_s,
+            clock: clock.clone(),
+            signals: signals.clone(),
+            status,
+        };
+        let result = run.run(source, core, journal);
         signals.stop.store(true, Ordering::Relaxed);
         // The status line has nothing to say any more; a panic there must not hide the run's result.
         let _shown = shown.join();
@@ -262,6 +272,13 @@ fn device_facts(facts: &SourceFacts, outcome: &RunOutcome) -> serde_json::Value 
         "non_finite": facts.imu.non_finite,
         "unknown_packets": facts.decode.unknown,
         "dropped_by_device": facts.decode.device_dropped,
+        "before_scale": facts.decode.withheld,
+        "without_specific_force": facts.imu.missing_specific_force,
+        "bus_errors": facts.link.bus_errors,
+        "bus_off": facts.link.bus_off,
+        "unsent": facts.link.unsent,
+        "sync_offset_us": facts.sync.map(|sync| sync.offset_us),
+        "sync_round_trip_us": facts.sync.map(|sync| sync.round_trip_us),
         "losses": facts.link.losses,
         "reconnects": facts.link.reconnects,
         "late_ticks": outcome.late_ticks,

@@ -14,6 +14,13 @@ use crate::imu::{Calibration, ImuConfigError, ImuSettings, Mount};
 use crate::runtime::{CoreSettings, CoreSettingsError, LiveSettings, LiveSettingsError};
 use crate::vestibular::{ObserverParameters, PRESET_NAMES};
 
+/// Name of the mount's file in a recording.
+pub const SENSOR_MOUNT: &str = "sensor/mount.toml";
+/// Name of the calibration's file in a recording.
+pub const SENSOR_CALIBRATION: &str = "sensor/calibration.toml";
+/// Name of the text mapping's file in a recording.
+pub const SENSOR_LOG_MAP: &str = "sensor/log_map.toml";
+
 /// Everything a run can be told.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -188,6 +195,20 @@ impl Config {
         Ok(CharacterModel::from_mjcf(&text, &name)?)
     }
 
+    /// Texts of the files about the sensor, by the name under which a recording keeps them.
+    ///
+    /// # Errors
+    /// A file cannot be read.
+    pub fn sensor_texts(&self) -> Result<Vec<(String, String)>, ConfigError> {
+        let files = [
+            (SENSOR_MOUNT, &self.mount),
+            (SENSOR_CALIBRATION, &self.calibration),
+            (SENSOR_LOG_MAP, &self.log_map),
+        ];
+        let named = files.into_iter().filter_map(|(name, path)| path.as_ref().map(|path| (name, path)));
+        named.map(|(name, path)| Ok((name.to_owned(), read(path)?))).collect()
+    }
+
     /// Calibration, mount and text mapping from their files.
     ///
     /// # Errors
@@ -245,6 +266,21 @@ mod tests {
             error.contains("run.toml") && error.contains("`mz`") && error.contains("merfeld-zupan-2002"),
             "{error}"
         );
+    }
+
+    #[test]
+    fn a_pose_that_cannot_be_stood_in_is_refused_and_one_key_of_it_is_enough() {
+        let pose = |text: &str| {
+            let config = Config::from_toml(&format!("[core.pose]\n{text}"), "run.toml").unwrap();
+            crate::runtime::Core::new(config.core, CharacterModel::standing().unwrap()).map(|_| ())
+        };
+        assert!(pose("com_ahead_of_centroid = -0.005").is_ok());
+        for text in
+            ["com_ahead_of_centroid = nan", "initial_overlap = 1e300", "joint_angles = { neck_x = nan }"]
+        {
+            let error = pose(text).unwrap_err().to_string();
+            assert!(error.contains("hint:"), "{error}");
+        }
     }
 
     #[test]

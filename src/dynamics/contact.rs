@@ -264,8 +264,11 @@ impl ContactStage {
             memory.impulse[i] = impulse;
             *point = PointContact { force: axes.transpose() * impulse / dt_s, position, active };
             let tangential = libm::hypot(impulse.x, impulse.y);
-            let sticking =
-                active && impulse.z > 0.0 && tangential < ground.friction * impulse.z * (1.0 - 1e-6);
+            // Anchors turn with the surface, but nothing carries them along with a belt.
+            let sticking = ground.velocity == Vector3::zeros()
+                && active
+                && impulse.z > 0.0
+                && tangential < ground.friction * impulse.z * (1.0 - 1e-6);
             memory.anchor[i] = if sticking {
                 memory.anchor[i].or_else(|| Some(ground.rot_world_surface.transpose() * position))
             } else {

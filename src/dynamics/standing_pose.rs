@@ -9,7 +9,7 @@ use crate::character::{CONTACTS, CharacterModel, CharacterState, DOF};
 
 /// How the character stands at the start.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct PoseSettings {
     /// Hinge angles by name, rad; hinges not named are at zero.
     pub joint_angles: BTreeMap<String, f64>,
@@ -54,13 +54,24 @@ pub enum PoseError {
         /// The names that exist.
         known: String,
     },
+    /// Numbers with which no pose is found.
+    #[error(
+        "pose: no standing pose is found with the centre of mass {com_ahead_of_centroid} m ahead of the feet's middle\n\n\
+         hint: hinge angles are in rad, within -3.2 to 3.2; com_ahead_of_centroid is within -0.1 to 0.1 m, initial_overlap \
+         within 0 to 0.01 m"
+    )]
+    Impossible {
+        /// What was asked for, m.
+        com_ahead_of_centroid: f64,
+    },
 }
 
 /// The standing pose: leans about the ankles until the centre of mass stands where the settings ask for, then places
 /// the support's centroid on the vertical axis and the soles on the ground.
 ///
 /// # Errors
-/// [`PoseError::UnknownJoint`] for a hinge name the model does not have.
+/// [`PoseError::UnknownJoint`] for a hinge name the model does not have, [`PoseError::Impossible`] for numbers out of
+/// range.
 pub fn standing_pose(model: &CharacterModel, settings: &PoseSettings) -> Result<CharacterState, PoseError> {
     let joint = |name: &String| {
         model.joint(name).ok_or_else(|| PoseError::UnknownJoint {
@@ -68,6 +79,12 @@ pub fn standing_pose(model: &CharacterModel, settings: &PoseSettings) -> Result<
             known: model.joints.iter().map(|j| j.name.as_str()).collect::<Vec<_>>().join(", "),
         })
     };
+    let in_range = settings.joint_angles.values().all(|angle| angle.abs() <= 3.2)
+        && settings.com_ahead_of_centroid.abs() <= 0.1
+        && (0.0..=0.01).contains(&settings.initial_overlap);
+    if !in_range {
+        return Err(PoseError::Impossible { com_ahead_of_centroid: settings.com_ahead_of_centroid });
+    }
     let mut state = CharacterState::from_qpos(&std::array::from_fn::<f64, { DOF + 1 }, _>(|_| 0.0));
     for (name, angle) in &settings.joint_angles {
         state.joint_angles[joint(name)?] = *angle;

@@ -53,7 +53,7 @@ pub use writer::{FileReport, Recorder};
 pub struct RecordingHeader {
     /// Effective configuration, TOML.
     pub config: String,
-    /// Texts of the model files, by file name.
+    /// Texts of the model file and of the files about the sensor, by name.
     pub models: BTreeMap<String, String>,
     /// Version of the program that recorded.
     pub version: String,

@@ -24,7 +24,7 @@ pub struct LinkCounters {
     pub bytes_skipped: u64,
     /// Packets the sequence numbers say were sent but never came.
     pub missing: u64,
-    /// Runs of missing packets.
+    /// Intervals between samples of more than three times the usual one.
     pub gaps: u64,
     /// Items a full queue dropped on the host.
     pub dropped: u64,
@@ -80,7 +80,7 @@ pub struct RunFacts {
     pub source: String,
     /// Simulated length of the run, s.
     pub duration_s: f64,
-    /// IMU samples that reached the clock sync.
+    /// IMU samples given out, from the alignment on.
     pub samples: u64,
     /// What the link delivered.
     pub link: LinkCounters,
@@ -95,7 +95,7 @@ pub struct Summary {
     pub source: String,
     /// Simulated length of the run, s.
     pub duration_s: f64,
-    /// IMU samples that reached the clock sync.
+    /// IMU samples given out, from the alignment on.
     pub samples: u64,
     /// What the link delivered.
     pub link: LinkCounters,

@@ -35,6 +35,9 @@ pub fn render(summary: &Summary, colour: bool) -> String {
     );
     out.push_str(&chair_lines(summary));
     out.push_str(&link_line(&summary.link));
+    if let Some(alignment) = &summary.alignment {
+        let _ = writeln!(out, "sensor  {}", sensor_line(alignment));
+    }
     let timing = &summary.timing;
     let _ = writeln!(
         out,
@@ -78,6 +81,34 @@ fn chair_lines(summary: &Summary) -> String {
 }
 
 /// The link's counters, those of trouble only where there was some; nothing for a run without a link.
+/// What the first second said about the sensor, and what could not be had from it.
+fn sensor_line(alignment: &serde_json::Value) -> String {
+    let flag = |key: &str| alignment[key].as_bool().unwrap_or(false);
+    let number = |key: &str| alignment[key].as_f64();
+    let mut parts = Vec::new();
+    if flag("at_rest") {
+        parts.push("rested at the start".to_owned());
+    } else {
+        parts.push("did not rest at the start: no bias, tilt or scale is taken from it".to_owned());
+    }
+    if let Some(tilt) = number("mount_tilt_deg") {
+        let removed = if flag("levelled") { "removed" } else { "not removed" };
+        parts.push(format!("mounting tilt {tilt:.2} deg {removed}"));
+    }
+    if flag("scale_refused") {
+        parts.push(format!(
+            "at rest it reads {:.2} m/s2: not believed",
+            number("rest_norm_m_s2").unwrap_or(0.0)
+        ));
+    } else if flag("at_rest") && !flag("accelerometer_missing") {
+        parts.push(format!("specific force scaled by {:.4}", number("scale").unwrap_or(1.0)));
+    }
+    if flag("accelerometer_missing") {
+        parts.push("no accelerometer: upright rest is put in its place".to_owned());
+    }
+    parts.join(", ")
+}
+
 /// One decimal, never a negative zero.
 fn tenths(value: f64) -> String {
     format!("{:.1}", (value * 10.0).round() / 10.0 + 0.0)

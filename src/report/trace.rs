@@ -76,10 +76,11 @@ struct Fate {
 
 impl Fate {
     fn follow(&mut self, tick: Tick, respawn: bool, out: &CharacterOutput) -> CharacterRow {
-        if respawn {
+        let fallen = out.posture == Posture::Fallen;
+        // Stood up by a key, or by itself some time after a fall.
+        if respawn || (self.fallen && !fallen) {
             self.settling_until = Some(Tick(tick.0 + SETTLE_TICKS));
         }
-        let fallen = out.posture == Posture::Fallen;
         let down = fallen && self.fallen && !respawn;
         if fallen && self.fell_at.is_none() {
             self.fell_at = Some(tick);

@@ -16,7 +16,8 @@ use crate::report::TickTimes;
 use crate::tick::TickInput;
 use crate::time::{Clock, HostTime, TICK_NS, Tick};
 
-/// The control thread. Nothing in its ticks allocates, locks or waits but the wait for the next deadline.
+/// The control thread. Its ticks allocate nothing and wait for nothing but the next deadline; sending into a queue may
+/// wake the thread on the other side.
 pub(super) struct ControlLoop {
     pub(super) core: Core,
     pub(super) resampler: Resampler,

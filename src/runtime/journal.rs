@@ -26,8 +26,10 @@ pub struct Journal {
     failure: Option<RecordError>,
     /// Trace for the report.
     pub trace: Trace,
-    /// Events so far.
+    /// Events so far, the first of them.
     pub events: Vec<Event>,
+    /// Events beyond those.
+    pub more_events: u64,
 }
 
 impl Journal {
@@ -41,6 +43,7 @@ impl Journal {
             && let Err(error) = write(recorder)
         {
             self.recorder = None;
+            self.events.push(Event { at_s: 0.0, text: format!("recording stopped: {error}") });
             self.failure = Some(error);
         }
     }
@@ -65,6 +68,8 @@ impl Journal {
     pub fn event(&mut self, at: HostTime, text: &str) {
         if self.events.len() < MAX_EVENTS {
             self.events.push(Event { at_s: at.as_secs_f64(), text: text.to_owned() });
+        } else {
+            self.more_events += 1;
         }
         self.record(|recorder| recorder.event(at, text));
     }

@@ -82,54 +82,75 @@ pub struct Signals {
     pub respawn: AtomicBool,
 }
 
-/// Runs until the source ends, `duration_s` is over or `signals.stop` is set. Gives back source and journal.
-///
-/// # Errors
-/// The device's announced rate does not fit its line.
-pub fn run_live(
-    source: Source,
-    core: Core,
-    journal: Journal,
-    settings: &LiveSettings,
-    hold_limit_s: f64,
-    duration_s: Option<f64>,
-    clock: &Arc<dyn Clock>,
-    signals: &Arc<Signals>,
-    status: &Arc<LiveStatus>,
-) -> Result<(Source, Journal, RunOutcome), DeviceError> {
-    let (samples_in, samples_out) = bounded(SAMPLE_QUEUE);
-    let (notes, entries) = Notes::queue();
-    let lost = notes.lost();
-    let source_ended = Arc::new(AtomicBool::new(false));
+/// A live run's conditions.
+#[derive(Clone)]
+pub struct LiveRun {
+    /// Threads and deadlines.
+    pub settings: LiveSettings,
+    /// A newest sample older than this is no longer held, s.
+    pub hold_limit_s: f64,
+    /// End after this, s.
+    pub duration_s: Option<f64>,
+    /// The host's clock.
+    pub clock: Arc<dyn Clock>,
+    /// Signals into the run.
+    pub signals: Arc<Signals>,
+    /// Where the latest values are shown.
+    pub status: Arc<LiveStatus>,
+}
 
-    std::thread::scope(|scope| {
-        let writer = scope.spawn(move || write_journal(&entries, journal));
-        let receiver = {
-            let sink = ReceiveSink::new(samples_in, notes.clone());
-            let (signals, ended) = (signals.clone(), source_ended.clone());
-            scope.spawn(move || receive(source, sink, &signals, &ended))
-        };
-        let control = {
-            let loop_ = ControlLoop {
-                core,
-                resampler: Resampler::new(hold_limit_s),
-                samples: samples_out,
-                notes,
-                clock: clock.clone(),
-                signals: signals.clone(),
-                status: status.clone(),
-                source_ended,
-                tally: Tally::default(),
+impl std::fmt::Debug for LiveRun {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("LiveRun").field("settings", &self.settings).finish_non_exhaustive()
+    }
+}
+
+impl LiveRun {
+    /// Runs until the source ends, the duration is over or `signals.stop` is set. Gives back source and journal.
+    ///
+    /// # Errors
+    /// The device's announced rate does not fit its line, or a played file cannot be read on.
+    pub fn run(
+        &self,
+        source: Source,
+        core: Core,
+        journal: Journal,
+    ) -> Result<(Source, Journal, RunOutcome), DeviceError> {
+        let signals = &self.signals;
+        let (samples_in, samples_out) = bounded(SAMPLE_QUEUE);
+        let (notes, entries) = Notes::queue();
+        let lost = notes.lost();
+        let source_ended = Arc::new(AtomicBool::new(false));
+
+        std::thread::scope(|scope| {
+            let writer = scope.spawn(move || write_journal(&entries, journal));
+            let receiver = {
+                let sink = ReceiveSink::new(samples_in, notes.clone());
+                let (signals, ended) = (signals.clone(), source_ended.clone());
+                scope.spawn(move || receive(source, sink, &signals, &ended))
             };
-            scope.spawn(move || loop_.run(settings, duration_s))
-        };
-        let mut outcome = joined(control.join());
-        signals.stop.store(true, Ordering::Relaxed);
-        let source = joined(receiver.join())?;
-        let journal = joined(writer.join());
-        outcome.dropped += lost.load(Ordering::Relaxed);
-        Ok((source, journal, outcome))
-    })
+            let control = {
+                let loop_ = ControlLoop {
+                    core,
+                    resampler: Resampler::new(self.hold_limit_s),
+                    samples: samples_out,
+                    notes,
+                    clock: self.clock.clone(),
+                    signals: signals.clone(),
+                    status: self.status.clone(),
+                    source_ended,
+                    tally: Tally::default(),
+                };
+                scope.spawn(move || loop_.run(&self.settings, self.duration_s))
+            };
+            let mut outcome = joined(control.join());
+            signals.stop.store(true, Ordering::Relaxed);
+            let source = joined(receiver.join())?;
+            let journal = joined(writer.join());
+            outcome.dropped += lost.load(Ordering::Relaxed);
+            Ok((source, journal, outcome))
+        })
+    }
 }
 
 /// A panic of a thread is a bug: it goes on in the caller instead of leaving half a run behind.

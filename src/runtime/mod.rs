@@ -15,7 +15,7 @@ mod status;
 pub use self::core::{Core, CoreSettings, CoreSettingsError, MAX_CHAIR_FORCE, MAX_CHAIR_RATE, Push};
 pub use figure::{Figure, Vestibular};
 pub use journal::{Event, Journal};
-pub use live::{LiveSettings, LiveSettingsError, Signals, run_live};
+pub use live::{LiveRun, LiveSettings, LiveSettingsError, Signals};
 pub use offline::run_offline;
 pub use source::{Polled, Source, SourceFacts, SourceSink};
 pub use status::{LiveStatus, StatusLine};

@@ -2,10 +2,13 @@
 
 use std::time::Duration;
 
-use crate::device::protocol::{DecodeCounters, ImuReading, PacketDecoder};
+use crate::device::protocol::{DecodeCounters, ImuReading, PacketDecoder, SyncEstimate};
 use crate::device::{DeviceError, Link, LinkError, LinkStatus, Traffic, bandwidth};
 use crate::imu::{AlignmentReport, ClockMode, HeadSample, ImuCounters, ImuPipeline};
 use crate::time::HostTime;
+
+/// Good frames after which the line's load is judged: a device may begin with a short batch.
+const FRAMES_BEFORE_LINE_CHECK: u64 = 5;
 
 /// Takes what a source produces.
 pub trait SourceSink {
@@ -36,8 +39,11 @@ pub struct Source {
     /// Baud rate of a real serial line, to hold against the rate the device announces.
     baud: Option<u32>,
     status: LinkStatus,
-    /// Announced rate, Hz, and bytes of a sample on the line, as last held against each other.
-    announced: Option<(f64, f64)>,
+    /// Rate the device announced, Hz.
+    announced_hz: Option<f64>,
+    /// Least bytes a sample took on the line so far.
+    least_bytes: f64,
+    line_checked: bool,
     recognised: bool,
     last_at: HostTime,
 }
@@ -62,7 +68,9 @@ impl Source {
             pipeline,
             baud,
             status: LinkStatus::default(),
-            announced: None,
+            announced_hz: None,
+            least_bytes: f64::INFINITY,
+            line_checked: false,
             recognised: false,
             last_at: HostTime::default(),
         }
@@ -71,7 +79,7 @@ impl Source {
     /// Waits at most `timeout` for traffic and passes on what it means.
     ///
     /// # Errors
-    /// The announced sample rate does not fit the line.
+    /// The announced sample rate does not fit the line, or a played file cannot be read on.
     pub fn poll(&mut self, timeout: Duration, sink: &mut dyn SourceSink) -> Result<Polled, DeviceError> {
         let Self { link, decoder, pipeline, .. } = self;
         let polled = match link.receive(timeout) {
@@ -83,8 +91,11 @@ impl Source {
                 });
                 Polled::Traffic
             }
-            // Reconnecting links report a loss in their status and go on; silence is not an error.
-            Ok(None) | Err(LinkError::Lost { .. }) => Polled::Silence,
+            Ok(None) => Polled::Silence,
+            // Ports and interfaces reconnect by themselves; what is lost here is a file that cannot be read on.
+            Err(LinkError::Lost { port, source }) => {
+                return Err(DeviceError::File { path: port.into(), source });
+            }
             Err(LinkError::EndOfRecording) => {
                 self.end(sink);
                 return Ok(Polled::Ended);
@@ -130,19 +141,25 @@ impl Source {
         }
     }
 
-    /// Holds the rate the device announces against what its line can carry, whenever either is learnt anew.
+    /// Holds the rate the device announces against what its line can carry: once, from the densest of its first frames.
     fn check_announcement(&mut self, sink: &mut dyn SourceSink) -> Result<(), DeviceError> {
         let Some(rate_hz) = self.decoder.announced_rate_hz() else { return Ok(()) };
-        let known = self.announced.replace((rate_hz, self.decoder.wire_bytes_per_sample().unwrap_or(0.0)));
-        if known == self.announced {
-            return Ok(());
-        }
-        if known.is_none_or(|(before, _)| before != rate_hz) {
+        if self.announced_hz.replace(rate_hz) != Some(rate_hz) {
             self.pipeline.announce_rate(rate_hz);
             sink.event(self.last_at, &format!("device announces {rate_hz} samples/s"));
         }
-        if let (Some(baud), Some(bytes)) = (self.baud, self.decoder.wire_bytes_per_sample()) {
+        let (Some(baud), Some(bytes)) = (self.baud, self.decoder.wire_bytes_per_sample()) else {
+            return Ok(());
+        };
+        if self.pipeline.counters().readings == 0 {
+            // Not even the densest frame there is would fit.
             bandwidth::check_serial(baud, rate_hz, bytes)?;
+            return Ok(());
+        }
+        self.least_bytes = self.least_bytes.min(bytes);
+        if !self.line_checked && self.decoder.counters().packets >= FRAMES_BEFORE_LINE_CHECK {
+            self.line_checked = true;
+            bandwidth::check_serial(baud, rate_hz, self.least_bytes)?;
         }
         Ok(())
     }
@@ -162,6 +179,7 @@ impl Source {
             alignment: self.pipeline.report().copied(),
             clock: self.pipeline.clock_mode(),
             clock_drift_ppm: self.pipeline.clock_drift_ppm(),
+            sync: self.decoder.sync_estimate(),
         }
     }
 }
@@ -183,4 +201,87 @@ pub struct SourceFacts {
     pub clock: ClockMode,
     /// Drift of the device's clock against the host's.
     pub clock_drift_ppm: f64,
+    /// What the device answered to clock requests.
+    pub sync: Option<SyncEstimate>,
+}
+
+#[cfg(test)]
+mod tests {
+    use otolith_firmware_protocol::MAX_FRAME;
+    use otolith_firmware_protocol::message::{Batch16, Hello, Message};
+    use otolith_firmware_protocol::stream::StreamEncoder;
+
+    use super::*;
+    use crate::device::protocol::native_serial::NativeSerialDecoder;
+    use crate::imu::{Calibration, ImuSettings, Mount};
+
+    /// Gives one frame at a time, then fails as a file does that cannot be read on.
+    struct Frames(Vec<Vec<u8>>, Vec<u8>);
+
+    impl Link for Frames {
+        fn receive(&mut self, _timeout: Duration) -> Result<Option<(HostTime, Traffic<'_>)>, LinkError> {
+            if self.0.is_empty() {
+                let source = std::io::ErrorKind::InvalidData.into();
+                return Err(LinkError::Lost { port: "log.bin".to_owned(), source });
+            }
+            self.1 = self.0.remove(0);
+            Ok(Some((HostTime(0), Traffic::Bytes(&self.1))))
+        }
+    }
+
+    struct Nowhere;
+
+    impl SourceSink for Nowhere {
+        fn traffic(&mut self, _at: HostTime, _traffic: Traffic<'_>) {}
+        fn sample(&mut self, _sample: HeadSample) {}
+        fn event(&mut self, _at: HostTime, _text: &str) {}
+    }
+
+    /// A device that announces 1 kHz and sends batches of these sizes.
+    fn batches(sizes: &[usize], baud: u32) -> Source {
+        let mut encoder = StreamEncoder::new();
+        let mut out = [0; MAX_FRAME];
+        let hello = Hello {
+            flags: 0,
+            device_id: 1,
+            firmware: 1,
+            rate_millihertz: 1_000_000,
+            gyro_scale: 1e-3,
+            accel_scale: 1e-3,
+            gyro_range_dps: 500,
+            accel_range_g: 4,
+            caps: 0,
+            name: b"batch",
+        };
+        let mut frames = vec![encoder.encode(&Message::Hello(hello), &mut out).unwrap().to_vec()];
+        for (k, &size) in sizes.iter().enumerate() {
+            let rows = vec![Batch16::row([0; 3], [0, 0, 9807]); size];
+            let batch = Message::Batch16(Batch16 { t_us: 1000 * k as u32, dt_us: 1000, rows: &rows });
+            frames.push(encoder.encode(&batch, &mut out).unwrap().to_vec());
+        }
+        let pipeline =
+            ImuPipeline::new(&ImuSettings::default(), Calibration::default(), Mount::default(), 9.81);
+        let link = Box::new(Frames(frames, Vec::new()));
+        Source::new(link, Box::new(NativeSerialDecoder::new()), pipeline, Some(baud))
+    }
+
+    fn poll_all(source: &mut Source) -> DeviceError {
+        loop {
+            if let Err(error) = source.poll(Duration::ZERO, &mut Nowhere) {
+                return error;
+            }
+        }
+    }
+
+    #[test]
+    fn short_batches_among_long_ones_are_no_reason_to_stop() {
+        let error = poll_all(&mut batches(&[1, 5, 5, 5, 5, 5, 1, 1, 1], 230_400));
+        assert!(matches!(error, DeviceError::File { .. }), "the end of the file, not the line: {error}");
+    }
+
+    #[test]
+    fn a_line_too_slow_for_the_announced_rate_is_refused() {
+        let error = poll_all(&mut batches(&[1, 1, 1, 1, 1, 1], 230_400));
+        assert!(matches!(error, DeviceError::SerialTooSlow { .. }), "{error}");
+    }
 }

@@ -51,6 +51,8 @@ pub struct DecodeCounters {
     pub unknown: u64,
     /// Samples the device says it dropped before sending.
     pub device_dropped: u64,
+    /// Samples that came before the device had told their scale, and are therefore not used.
+    pub withheld: u64,
 }
 
 /// What a device says about itself. Fields its protocol does not carry, or has not carried yet, are `None`.

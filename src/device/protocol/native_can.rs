@@ -119,6 +119,7 @@ impl PacketDecoder for NativeCanDecoder {
             missing: counted.lost,
             unknown: counted.unknown + counted.malformed,
             device_dropped: self.dropped.total(),
+            withheld: self.withheld,
         }
     }
 

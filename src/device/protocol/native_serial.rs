@@ -237,6 +237,7 @@ impl PacketDecoder for NativeSerialDecoder {
             missing: stream.lost,
             unknown: stream.unknown + stream.malformed + self.content.not_finite,
             device_dropped: self.content.dropped.total(),
+            withheld: self.content.withheld,
         }
     }
 

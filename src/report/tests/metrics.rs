@@ -161,8 +161,8 @@ fn a_character_stood_up_again_counts_after_it_settled() {
             4000..5000 => (Posture::Standing, 0.6),
             _ => (Posture::Standing, 0.2),
         };
-        let mut input = input(tick, Some(0.0));
-        input.respawn = tick == 4000;
+        // It stands up by itself: nothing in the input says so.
+        let input = input(tick, Some(0.0));
         let green = CharacterOutput { posture, ..swaying(if tick == 3000 { 0.4 } else { sway_deg }) };
         trace.push(&input, &output(tick, green, upright()));
     }
