@@ -33,7 +33,7 @@ impl TickClock {
     ///
     /// After a silence of more than 573 ms it is too early by a multiple of 655.36 ms until the next TIME. The
     /// first tick of a stream starts the count at its own value.
-    pub(super) fn unwrap(&mut self, tick: u16) -> u64 {
+    pub(super) fn extended(&mut self, tick: u16) -> u64 {
         let Some(newest) = self.newest else {
             self.newest = Some(u64::from(tick));
             return u64::from(tick);
@@ -55,7 +55,7 @@ impl TickClock {
             // that begins with TIME has the device's own epoch.
             let unwrapped = match self.newest {
                 None => *self.newest.insert(u64::from(time_10us)),
-                Some(_) => self.unwrap(time_10us as u16),
+                Some(_) => self.extended(time_10us as u16),
             };
             self.last_time = Some((time_10us, unwrapped));
             return Verdict::Agrees;
@@ -83,26 +83,26 @@ mod tests {
     #[test]
     fn ticks_unwrap_forward_and_slightly_back() {
         let mut clock = TickClock::new();
-        assert_eq!(clock.unwrap(65_500), 65_500);
-        assert_eq!(clock.unwrap(64), 65_600);
-        assert_eq!(clock.unwrap(65_500), 65_500, "36 ticks late");
-        assert_eq!(clock.unwrap(164), 65_700, "a late tick does not turn the clock back");
+        assert_eq!(clock.extended(65_500), 65_500);
+        assert_eq!(clock.extended(64), 65_600);
+        assert_eq!(clock.extended(65_500), 65_500, "36 ticks late");
+        assert_eq!(clock.extended(164), 65_700, "a late tick does not turn the clock back");
     }
 
     #[test]
     fn first_tick_after_a_late_start_never_underflows() {
         let mut clock = TickClock::new();
-        assert_eq!(clock.unwrap(3), 3);
-        assert_eq!(clock.unwrap(65_530), 0);
+        assert_eq!(clock.extended(3), 3);
+        assert_eq!(clock.extended(65_530), 0);
     }
 
     #[test]
     fn time_carries_over_a_silence_longer_than_the_tick() {
         let mut clock = TickClock::new();
         assert_eq!(clock.check(1_000_000), Verdict::Agrees);
-        assert_eq!(clock.unwrap((1_000_100 % 65_536) as u16), 1_000_100);
+        assert_eq!(clock.extended((1_000_100 % 65_536) as u16), 1_000_100);
         assert_eq!(clock.check(1_500_000), Verdict::Agrees);
-        assert_eq!(clock.unwrap((1_500_100 % 65_536) as u16), 1_500_100);
+        assert_eq!(clock.extended((1_500_100 % 65_536) as u16), 1_500_100);
     }
 
     #[test]
@@ -110,15 +110,15 @@ mod tests {
         let mut clock = TickClock::new();
         assert_eq!(clock.check(u32::MAX - 9), Verdict::Agrees);
         assert_eq!(clock.check(9_990), Verdict::Agrees);
-        assert_eq!(clock.unwrap(9_990), (1 << 32) + 9_990);
+        assert_eq!(clock.extended(9_990), (1 << 32) + 9_990);
     }
 
     #[test]
     fn counting_goes_on_when_time_comes_late() {
         let mut clock = TickClock::new();
-        let first = clock.unwrap((7_000_000u32 % 65_536) as u16);
+        let first = clock.extended((7_000_000u32 % 65_536) as u16);
         assert_eq!(clock.check(7_000_050), Verdict::Agrees);
-        assert_eq!(clock.unwrap((7_000_100u32 % 65_536) as u16), first + 100);
+        assert_eq!(clock.extended((7_000_100u32 % 65_536) as u16), first + 100);
     }
 
     #[test]
@@ -126,14 +126,14 @@ mod tests {
         let mut clock = TickClock::new();
         clock.check(1_000_000);
         assert_eq!(clock.check(500), Verdict::Restarted);
-        assert_eq!(clock.unwrap(600), 600);
+        assert_eq!(clock.extended(600), 600);
 
         // Power-up 50 ms before: TIME alone still goes forward, the ticks do not.
         let mut clock = TickClock::new();
         clock.check(5_000);
-        clock.unwrap(14_900);
-        clock.unwrap(100);
+        clock.extended(14_900);
+        clock.extended(100);
         assert_eq!(clock.check(10_000), Verdict::Restarted);
-        assert_eq!(clock.unwrap(10_100), 10_100);
+        assert_eq!(clock.extended(10_100), 10_100);
     }
 }

@@ -155,7 +155,7 @@ impl CanReceiver {
             }
         };
         self.counters.samples += 1;
-        let time_us = self.clock.unwrap(half.tick) * TICK_US;
+        let time_us = self.clock.extended(half.tick) * TICK_US;
         on_event(CanEvent::Sample(CanSample { time_us, gyro, accel }));
     }
 
