@@ -8,6 +8,7 @@ use std::time::Duration;
 use indicatif::ProgressBar;
 
 use super::failure::{Failure, FailureKind};
+use super::show;
 use crate::runtime::{LiveStatus, Signals, StatusLine};
 use crate::time::Clock;
 use crate::units::{DEG_PER_RAD, RAD_S_PER_RPM};
@@ -23,7 +24,14 @@ pub(super) fn show_status(
     clock: Arc<dyn Clock>,
 ) -> std::thread::JoinHandle<()> {
     std::thread::spawn(move || {
+        let mut warned = false;
         while !signals.stop.load(Ordering::Relaxed) {
+            if let Some(refusals) = status.refusals().filter(|_| !warned) {
+                warned = true;
+                if !refusals.is_empty() {
+                    bar.suspend(|| show::note(&format!("warning: {}", refusals.join("; "))));
+                }
+            }
             let line = status.load();
             bar.set_position(line.tick);
             bar.set_message(status_line(&line));

@@ -44,9 +44,11 @@ pub(super) struct Tally {
 impl ControlLoop {
     /// Runs until the source has ended, `duration_s` is over or the run is stopped.
     pub(super) fn run(mut self, settings: &LiveSettings, duration_s: Option<f64>) -> RunOutcome {
-        for refusal in enter_real_time(settings.real_time_priority, settings.lock_memory) {
-            self.notes.note(Entry::Event(self.clock.now(), refusal));
+        let refusals = enter_real_time(settings.real_time_priority, settings.lock_memory);
+        for refusal in &refusals {
+            self.notes.note(Entry::Event(self.clock.now(), refusal.clone()));
         }
+        self.status.refuse(refusals);
         let start = self.clock.now();
         let delay = Duration::from_secs_f64(settings.input_delay_s);
         let catch_up_ns = (settings.catch_up_s * 1e9) as u64;

@@ -1,5 +1,6 @@
 //! The latest state of a live run for whoever shows it: stored by the control thread without a lock.
 
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
 
 use crate::imu::LinkHealth;
@@ -15,6 +16,7 @@ pub struct LiveStatus {
     green_sway: AtomicU64,
     blue_sway: AtomicU64,
     fallen: AtomicU8,
+    refusals: OnceLock<Vec<String>>,
 }
 
 /// A copy of the latest values, SI.
@@ -47,6 +49,17 @@ impl LiveStatus {
         put(&self.blue_sway, output.blue.com_sway);
         self.fallen.store(u8::from(output.green.posture == Posture::Fallen), Ordering::Relaxed);
         self.tick.store(input.tick.0, Ordering::Relaxed);
+    }
+
+    /// Stores, once and before the first tick, what the system refused the control thread.
+    pub(super) fn refuse(&self, refusals: Vec<String>) {
+        // A second set would be the same system's same answer.
+        let _kept = self.refusals.set(refusals);
+    }
+
+    /// What the system refused the control thread; `None` until it has asked.
+    pub fn refusals(&self) -> Option<&[String]> {
+        self.refusals.get().map(Vec::as_slice)
     }
 
     /// The latest values.
