@@ -83,6 +83,7 @@ pub(super) fn run(args: &ReplayArgs, json: bool) -> Result<ExitCode, Failure> {
         RunFacts { source: name.clone(), duration_s: simulated_s, samples, link, timing },
         &analysis,
     );
+    summary.events = recorded_events(&recording)?;
     let subtitle = format!("replay of {}", config.device.as_deref().unwrap_or("a recording"));
     let figure = svg::render(&trace, &analysis, &Caption { title: name.clone(), subtitle, support_polygon });
     outputs.make_folder()?;
@@ -113,6 +114,25 @@ fn length_of_cut_magic(path: &Path) -> Option<usize> {
     let file = std::fs::File::open(path).ok()?;
     file.take(mcap::MAGIC.len() as u64 + 1).read_to_end(&mut start).ok()?;
     mcap::MAGIC.starts_with(&start).then_some(start.len())
+}
+
+/// Most recorded events that a replay repeats.
+const MAX_EVENTS: usize = 200;
+
+/// What was noted during the recorded run, and what it could not note any more.
+fn recorded_events(recording: &Recording) -> Result<Vec<String>, Failure> {
+    let mut events = Vec::new();
+    for event in recording.events()?.take(MAX_EVENTS) {
+        let (at, text) = event?;
+        events.push(format!("{:.3} s: {text}", at.as_secs_f64()));
+    }
+    if recording.summary().is_none() {
+        events.push(
+            "the recorded run never wrote its summary: samples and link counters are unknown, shown as 0"
+                .to_owned(),
+        );
+    }
+    Ok(events)
 }
 
 /// Samples and link counters as the recorded run summed them up; zero when it never did.

@@ -37,7 +37,7 @@ fn a_whole_recording_is_bit_identical() {
 fn a_replay_says_what_the_run_said() {
     let place = place_with(&GOOD.0);
     let json = place.run(&["replay", "r.mcap", "--json", "--out", "again"]).done().json();
-    for key in ["samples", "link", "chair", "green", "blue", "verdict"] {
+    for key in ["samples", "duration_s", "link", "chair", "green", "blue", "verdict", "events"] {
         assert_eq!(json[key], GOOD.1[key], "{key}");
     }
     assert_eq!(json["verify"], Value::Null);
