@@ -153,14 +153,16 @@ impl YawRate {
 
     /// Median magnitude of the rate on the plateau, rad/s.
     ///
-    /// First the median of everything above half the peak, then of what is within a fifth of that: the ramps and a
-    /// short overshoot do not pull it.
+    /// First the median of everything above half the peak, then of what is within a fifth of that, then within 8 % of
+    /// that: a short overshoot does not pull it, nor do ramps twice as long as the plateau.
     fn plateau(&self, stretch: &Stretch) -> f64 {
         let rates: Vec<f64> =
             self.rate[stretch.first..=stretch.last].iter().map(|rate| rate * stretch.sign).collect();
         let peak = rates.iter().fold(0.0_f64, |peak, &rate| peak.max(rate));
         let rough = median(rates.iter().copied().filter(|&rate| rate >= 0.5 * peak));
-        median(rates.iter().copied().filter(|rate| (rate - rough).abs() <= 0.2 * rough))
+        [0.2, 0.08].into_iter().fold(rough, |plateau, share| {
+            median(rates.iter().copied().filter(|rate| (rate - plateau).abs() <= share * plateau))
+        })
     }
 
     /// Time the ramp took to reach the sample `end`, s: that sample's rate over the ramp's slope.

@@ -24,6 +24,8 @@ const MAX_EVENTS: usize = 200;
 pub struct Journal {
     recorder: Option<Recorder>,
     failure: Option<RecordError>,
+    /// Time of the newest entry that has one.
+    latest: HostTime,
     /// Trace for the report.
     pub trace: Trace,
     /// Events so far, the first of them.
@@ -43,13 +45,15 @@ impl Journal {
             && let Err(error) = write(recorder)
         {
             self.recorder = None;
-            self.events.push(Event { at_s: 0.0, text: format!("recording stopped: {error}") });
+            self.events
+                .push(Event { at_s: self.latest.as_secs_f64(), text: format!("recording stopped: {error}") });
             self.failure = Some(error);
         }
     }
 
     /// One tick.
     pub fn tick(&mut self, input: &TickInput, output: &TickOutput) {
+        self.latest = input.tick.host_time();
         self.trace.push(input, output);
         self.record(|recorder| recorder.tick(input, output));
     }

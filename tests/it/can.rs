@@ -31,7 +31,7 @@ impl Interface {
     /// `None`, with a note, where there is no CAN.
     fn make(name: &'static str) -> Option<Self> {
         if std::env::var_os("VCAN").is_none() {
-            println!("skipped: VCAN is not set");
+            crate::say_skipped("no virtual CAN bus (VCAN is not set)");
             return None;
         }
         run(&format!("ip link add {name} type vcan"));

@@ -116,7 +116,7 @@ fn shared_log(name: &str) -> Option<String> {
         return Some(path);
     }
     assert!(std::env::var_os("CI").is_none(), "{path} is missing");
-    println!("skipped: ../shared is not here");
+    crate::say_skipped("../shared is not here");
     None
 }
 

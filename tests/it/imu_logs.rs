@@ -24,7 +24,7 @@ fn shared_log(name: &str) -> Option<Vec<u8>> {
         Ok(bytes) => Some(bytes),
         Err(error) if std::env::var_os("CI").is_some() => panic!("{}: {error}", path.display()),
         Err(_) => {
-            println!("skipped: ../shared is not here");
+            crate::say_skipped("../shared is not here");
             None
         }
     }
