@@ -35,7 +35,7 @@ pub(super) struct DemoArgs {
 }
 
 pub(super) fn run(args: &DemoArgs, json: bool) -> Result<ExitCode, Failure> {
-    let config = args.options.config()?;
+    let config = args.options.config(None)?;
     let mut selector = Selector::Mock(MockParams::chair());
     args.chair.apply(&mut selector)?;
     let out = args.out.clone().unwrap_or_else(|| new_folder(Path::new("")));

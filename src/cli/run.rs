@@ -7,7 +7,7 @@ use super::assemble::Pace;
 use super::failure::Failure;
 use super::session::Session;
 use super::show;
-use crate::config::{Config, ConfigError};
+use crate::config::{Config, ConfigError, SCENARIO_NAMES};
 use crate::device::Selector;
 use crate::vestibular::PRESET_NAMES;
 
@@ -17,12 +17,17 @@ use crate::vestibular::PRESET_NAMES;
     otolith run --device serial:/dev/ttyUSB0?baud=921600 --out my-run\n  \
     otolith run --device can:can0 --duration-s 60 --record my-run.mcap\n  \
     otolith run --device replay:log.txt --log-map configs/logs/turntable-lsm9ds1.toml --pace max --json\n  \
-    otolith run --device mock:chair --rate-rpm 20 --pace max\n\n\
+    otolith run --device mock:chair --rate-rpm 20 --pace max\n  \
+    otolith run --scenario spin-30rpm-20s --pace max --out fall\n\n\
     While it runs: r + Enter stands the characters up again, Ctrl-C ends the run and prints the summary.")]
 pub(super) struct RunArgs {
     /// Device: serial:PORT?baud=N, can:IFACE, replay:FILE, mock:chair.
     #[arg(long, value_name = "SELECTOR")]
     device: Option<String>,
+    /// An experiment of the standing paper, by the name of its file in configs/scenarios.
+    #[arg(long, value_name = "NAME", conflicts_with = "config",
+          value_parser = clap::builder::PossibleValuesParser::new(SCENARIO_NAMES))]
+    scenario: Option<String>,
     #[command(flatten)]
     sensor: SensorArgs,
     #[command(flatten)]
@@ -99,11 +104,12 @@ pub(super) struct Options {
 }
 
 impl Options {
-    /// The configuration: file first, flags on top.
-    pub(super) fn config(&self) -> Result<Config, Failure> {
-        let mut config = match &self.config {
-            Some(path) => Config::load(path)?,
-            None => Config::default(),
+    /// The configuration: file or scenario first, flags on top.
+    pub(super) fn config(&self, scenario: Option<&str>) -> Result<Config, Failure> {
+        let mut config = match (&self.config, scenario) {
+            (Some(path), _) => Config::load(path)?,
+            (None, Some(name)) => Config::scenario(name)?,
+            (None, None) => Config::default(),
         };
         config.character = self.character.clone().or(config.character);
         config.observer_preset = self.preset.clone();
@@ -173,7 +179,7 @@ pub(super) fn expected_s(selector: &Selector) -> Option<f64> {
 }
 
 pub(super) fn run(args: &RunArgs, json: bool) -> Result<ExitCode, Failure> {
-    let mut config = args.options.config()?;
+    let mut config = args.options.config(args.scenario.as_deref())?;
     config.device = args.device.clone().or(config.device);
     args.sensor.apply(&mut config);
     let duration_s = positive("--duration-s", args.duration_s)?;

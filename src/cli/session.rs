@@ -143,7 +143,8 @@ impl Session {
             hold,
             self.duration_s,
             &signals.stop,
-            |tick| {
+            |_, output| {
+                let tick = output.tick;
                 if tick.0.is_multiple_of(100) {
                     bar.set_position(tick.0);
                     bar.set_message(format!("{:.1} s simulated", tick.time_s()));

@@ -3,8 +3,12 @@
 //! The effective configuration is written into each recording, so a recording needs nothing else. There are no
 //! environment variables.
 
+mod scenarios;
+
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+
+pub use scenarios::SCENARIO_NAMES;
 
 use crate::character::{CharacterModel, ModelError, STANDING_MJCF};
 use crate::device::DeviceError;
@@ -73,6 +77,14 @@ pub enum ConfigError {
     Preset {
         /// The file.
         file: String,
+        /// The name given.
+        got: String,
+        /// The names there are.
+        known: String,
+    },
+    /// A scenario that does not exist.
+    #[error("there is no scenario `{got}`\n\nhint: scenarios are {known}")]
+    Scenario {
         /// The name given.
         got: String,
         /// The names there are.

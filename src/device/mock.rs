@@ -16,10 +16,10 @@ mod params;
 
 pub use params::{MockKind, MockParams};
 
-/// Gyro noise per sample, rad/s rms and axis. The ICM-42688-P's data sheet states 0.0028 °/s/√Hz, which is
+/// Default gyro noise per sample, rad/s rms and axis. The ICM-42688-P's data sheet states 0.0028 °/s/√Hz, which is
 /// 0.0011 rad/s over the 500 Hz that 1 kHz sampling lets pass; rounded up for mounting and drive.
 pub const GYRO_NOISE: f64 = 0.002;
-/// Accelerometer noise per sample, m/s² rms and axis. The data sheet's 70 µg/√Hz is 0.015 m/s² over 500 Hz;
+/// Default accelerometer noise per sample, m/s² rms and axis. The data sheet's 70 µg/√Hz is 0.015 m/s² over 500 Hz;
 /// rounded up likewise.
 pub const SPECIFIC_FORCE_NOISE: f64 = 0.02;
 /// Full scale announced, deg/s.
@@ -129,14 +129,15 @@ impl MockChair {
         let (sin, cos) = libm::sincos(self.params.tilt_deg * RAD_PER_DEG);
         let up = [0.0, sin, cos];
         let omega = self.params.omega(t_s);
+        let MockParams { gyro_noise, specific_force_noise, .. } = self.params;
         let mut vector = |along_up: f64, noise_rms: f64| {
             up.map(|component| {
                 let noise = if self.params.noise { self.noise.normal() * noise_rms } else { 0.0 };
                 (component * along_up + noise) as f32
             })
         };
-        let gyro = vector(omega, GYRO_NOISE);
-        let accel = vector(STANDARD_GRAVITY, SPECIFIC_FORCE_NOISE);
+        let gyro = vector(omega, gyro_noise);
+        let accel = vector(STANDARD_GRAVITY, specific_force_noise);
         // The counter of the protocol has 32 bits and wraps.
         Message::SampleF32(SampleF32 { t_us: micros(t_s) as u32, gyro, accel })
     }
@@ -174,7 +175,8 @@ impl Link for MockChair {
             Err(_) => return Ok(None),
         };
         let wire_time = Duration::from_nanos(time_on_line(length as u64, DEFAULT_BAUD).0);
-        self.line_free = self.line_free.max(HostTime::from_secs_f64(taken_s)) + wire_time;
+        let sent = HostTime::from_secs_f64(taken_s + self.params.latency_s);
+        self.line_free = self.line_free.max(sent) + wire_time;
         Ok(Some((self.line_free, Traffic::Bytes(&self.frame[..length]))))
     }
 }

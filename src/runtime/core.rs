@@ -41,6 +41,9 @@ pub struct CoreSettings {
     pub turntable: TurntableSettings,
     /// The initial pose.
     pub pose: PoseSettings,
+    /// How far the vestibular organ lies from where the model has it, head axes, m. Its lever arm about the spin axis
+    /// decides what green feels.
+    pub vestibule_shift: [f64; 3],
     /// A push on both characters.
     pub push: Option<Push>,
     /// Stand a fallen character up again after this time, s.
@@ -100,6 +103,9 @@ impl CoreSettings {
                 "0.01 to 100 rad/s2",
             ),
             ("respawn_after_s", self.respawn_after_s.unwrap_or(1.0), 0.0..=3600.0, "0 to 3600 s"),
+            ("vestibule_shift[0]", self.vestibule_shift[0], -0.2..=0.2, "-0.2 to 0.2 m"),
+            ("vestibule_shift[1]", self.vestibule_shift[1], -0.2..=0.2, "-0.2 to 0.2 m"),
+            ("vestibule_shift[2]", self.vestibule_shift[2], -0.2..=0.2, "-0.2 to 0.2 m"),
             ("push.start_s", self.push.map_or(0.0, |p| p.start_s), 0.0..=1e6, "0 to 1e6 s"),
             ("push.duration_s", self.push.map_or(0.1, |p| p.duration_s), 1e-3..=10.0, "0.001 to 10 s"),
             ("push.force[0]", self.push.map_or(0.0, |p| p.force[0]), -5000.0..=5000.0, "-5000 to 5000 N"),
@@ -144,8 +150,9 @@ impl Core {
     ///
     /// # Errors
     /// Settings out of range, or a pose that names hinges the model does not have.
-    pub fn new(settings: CoreSettings, model: CharacterModel) -> Result<Self, CoreSettingsError> {
+    pub fn new(settings: CoreSettings, mut model: CharacterModel) -> Result<Self, CoreSettingsError> {
         settings.check()?;
+        model.vestibule += Vector3::from(settings.vestibule_shift);
         let standing = standing_pose(&model, &settings.pose)?;
         let observer = NewmanObserver::new(settings.observer)?;
         let (settings, model) = (Arc::new(settings), Arc::new(model));
@@ -184,6 +191,16 @@ impl Core {
         let blue = self.blue.step(&platform, &residual, push.as_ref());
         self.turntable.advance(&platform, TICK_S);
         TickOutput { tick: input.tick, platform, green, blue }
+    }
+
+    /// The character that trusts its vestibular model.
+    pub fn green(&self) -> &Figure {
+        &self.green
+    }
+
+    /// The character that perceives perfectly.
+    pub fn blue(&self) -> &Figure {
+        &self.blue
     }
 
     fn stand_up(&mut self) {

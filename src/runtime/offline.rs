@@ -10,13 +10,14 @@ use super::{Core, RunOutcome};
 use crate::device::{DeviceError, Traffic};
 use crate::imu::{HeadSample, LinkHealth, Resampler};
 use crate::report::TickTimes;
-use crate::tick::TickInput;
+use crate::tick::{TickInput, TickOutput};
 use crate::time::{HostTime, Tick};
 
 /// Runs until the source ends, `duration_s` is over or `stop` is set.
 ///
 /// Tick k stands at k ms after the source's first stamp. Like a live run it knows at each tick only what has arrived by
-/// then, and one sample more: between samples the motion is interpolated, none is held.
+/// then, and one sample more: between samples the motion is interpolated, none is held. `watch` sees the core after each
+/// tick.
 ///
 /// # Errors
 /// The device's announced rate does not fit its line.
@@ -27,7 +28,7 @@ pub fn run_offline(
     hold_limit_s: f64,
     duration_s: Option<f64>,
     stop: &AtomicBool,
-    mut progress: impl FnMut(Tick),
+    mut watch: impl FnMut(&Core, &TickOutput),
 ) -> Result<RunOutcome, DeviceError> {
     let mut feed =
         Feed { journal, resampler: Resampler::new(hold_limit_s), newest: None, heard: HostTime::default() };
@@ -56,7 +57,7 @@ pub fn run_offline(
         let output = core.step(&input);
         times.record(thread_cpu_time().saturating_sub(before));
         feed.journal.tick(&input, &output);
-        progress(tick);
+        watch(core, &output);
         tick = Tick(tick.0 + 1);
     }
     let resample = feed.resampler.counters();

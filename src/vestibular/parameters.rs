@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 ///
 /// k1 of ω̂ = k1 ω' is no parameter: (k_ω + 1)/k_ω makes the percept of a jump of ω right at once.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct ObserverParameters {
     /// k_ω: weight of the canal conflict, positive. Sets velocity storage: (k_ω + 1) τ̂_d.
     pub canal_gain: f64,
@@ -36,10 +36,10 @@ pub struct ObserverParameters {
     /// τ̂_d: time constant of the brain's model of the canals, s.
     pub internal_dominant_time_constant_s: f64,
     /// Corner of a low-pass on sensed and expected canal afference, Hz; none in the paper.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub canal_low_pass_hz: Option<f64>,
     /// Corner of a low-pass on sensed and expected otolith afference, Hz; none in the paper ("oto(s) = 1", Eq. 3).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub otolith_low_pass_hz: Option<f64>,
 }
 
@@ -199,14 +199,13 @@ mod tests {
     }
 
     #[test]
-    fn unknown_and_missing_keys_are_refused() {
+    fn unknown_keys_are_refused_and_missing_ones_are_those_of_the_seed() {
         let text = toml::to_string(&ObserverParameters::default()).unwrap();
         assert_eq!(toml::from_str::<ObserverParameters>(&text).unwrap(), ObserverParameters::default());
         let unknown = format!("{text}canal_gian = 8\n");
         let error = toml::from_str::<ObserverParameters>(&unknown).unwrap_err().to_string();
         assert!(error.contains("canal_gian"), "{error}");
-        let missing = text.replace("accel_gain", "# accel_gain");
-        let error = toml::from_str::<ObserverParameters>(&missing).unwrap_err().to_string();
-        assert!(error.contains("accel_gain"), "{error}");
+        let one = toml::from_str::<ObserverParameters>("accel_gain = -3.2").unwrap();
+        assert_eq!(one, ObserverParameters { accel_gain: -3.2, ..ObserverParameters::default() });
     }
 }

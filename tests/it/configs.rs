@@ -54,6 +54,7 @@ fn every_other_file_is_accepted_by_its_reader() {
                 "logs" => TextMapping::from_toml(&name, &text).err().map(|error| error.to_string()),
                 "mounts" => Mount::from_toml(&name, &text).err().map(|error| error.to_string()),
                 "observers" => observer_problem(&text),
+                "scenarios" => Config::from_toml(&text, &name).err().map(|error| error.to_string()),
                 other => panic!("{name}: nothing here reads the folder {other}"),
             };
             assert_eq!(problem, None, "{name}");

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::{GYRO_NOISE, SPECIFIC_FORCE_NOISE};
 use crate::device::DeviceError;
 use crate::units::RAD_S_PER_RPM;
 
@@ -41,6 +42,12 @@ pub struct MockParams {
     pub sample_rate_hz: f64,
     /// Tilt of the sensor on the chair about its x axis, deg. -45 to 45.
     pub tilt_deg: f64,
+    /// White noise of the gyroscope per sample, rad/s rms and axis. 0 to 1.
+    pub gyro_noise: f64,
+    /// White noise of the accelerometer per sample, m/s² rms and axis. 0 to 10.
+    pub specific_force_noise: f64,
+    /// How late every frame arrives beside its time on the wire, s. 0 to 1.
+    pub latency_s: f64,
     /// Sensor noise on or off.
     pub noise: bool,
     /// Seed of the noise; 0 is a seed like any other.
@@ -55,8 +62,20 @@ impl Default for MockParams {
 
 impl MockParams {
     /// Keys of [`MockParams::set`], in the order of the fields.
-    pub const KEYS: [&'static str; 9] =
-        ["rate_rpm", "spin_s", "ramp_s", "rest_s", "after_s", "sample_rate_hz", "tilt_deg", "noise", "seed"];
+    pub const KEYS: [&'static str; 12] = [
+        "rate_rpm",
+        "spin_s",
+        "ramp_s",
+        "rest_s",
+        "after_s",
+        "sample_rate_hz",
+        "tilt_deg",
+        "gyro_noise",
+        "specific_force_noise",
+        "latency_s",
+        "noise",
+        "seed",
+    ];
 
     /// 30 rpm for 15 s between 2 s and 25 s of rest.
     pub fn chair() -> Self {
@@ -69,6 +88,9 @@ impl MockParams {
             after_s: 25.0,
             sample_rate_hz: 1000.0,
             tilt_deg: 0.0,
+            gyro_noise: GYRO_NOISE,
+            specific_force_noise: SPECIFIC_FORCE_NOISE,
+            latency_s: 0.0,
             noise: true,
             seed: 0,
         }
@@ -102,6 +124,9 @@ impl MockParams {
             "after_s" => &mut self.after_s,
             "sample_rate_hz" => &mut self.sample_rate_hz,
             "tilt_deg" => &mut self.tilt_deg,
+            "gyro_noise" => &mut self.gyro_noise,
+            "specific_force_noise" => &mut self.specific_force_noise,
+            "latency_s" => &mut self.latency_s,
             "noise" => {
                 self.noise = match value {
                     "0" => false,
@@ -114,11 +139,7 @@ impl MockParams {
                 self.seed = value.parse().map_err(|_| "a whole number from 0 to 18446744073709551615")?;
                 return Ok(());
             }
-            _ => {
-                return Err(
-                    "one of the keys rate_rpm, spin_s, ramp_s, rest_s, after_s, sample_rate_hz, tilt_deg, noise, seed",
-                );
-            }
+            _ => return Err("a key of a mock device"),
         };
         *number = value.parse().map_err(|_| "a number")?;
         Ok(())
@@ -145,6 +166,9 @@ impl MockParams {
         DeviceError::check_range("after_s", self.after_s, 0.0..=LONGEST_S)?;
         DeviceError::check_range("sample_rate_hz", self.sample_rate_hz, 10.0..=2000.0)?;
         DeviceError::check_range("tilt_deg", self.tilt_deg, -45.0..=45.0)?;
+        DeviceError::check_range("gyro_noise", self.gyro_noise, 0.0..=1.0)?;
+        DeviceError::check_range("specific_force_noise", self.specific_force_noise, 0.0..=10.0)?;
+        DeviceError::check_range("latency_s", self.latency_s, 0.0..=1.0)?;
         Ok(())
     }
 
@@ -181,7 +205,19 @@ impl fmt::Display for MockParams {
         f.write_str(name)?;
         let numbers = |params: &Self| {
             let Self { rate_rpm, spin_s, ramp_s, rest_s, after_s, sample_rate_hz, tilt_deg, .. } = *params;
-            [rate_rpm, spin_s, ramp_s, rest_s, after_s, sample_rate_hz, tilt_deg]
+            let Self { gyro_noise, specific_force_noise, latency_s, .. } = *params;
+            [
+                rate_rpm,
+                spin_s,
+                ramp_s,
+                rest_s,
+                after_s,
+                sample_rate_hz,
+                tilt_deg,
+                gyro_noise,
+                specific_force_noise,
+                latency_s,
+            ]
         };
         let mut separator = '?';
         for ((key, value), default) in Self::KEYS.into_iter().zip(numbers(self)).zip(numbers(&defaults)) {
