@@ -58,6 +58,7 @@ impl Bits {
             com_platform: self.vector(),
             com_sway: self.f64(),
             cop_platform: self.flag().then(|| Vector2::new(self.f64(), self.f64())),
+            foot_tilt: self.f64(),
             constraint_residual: self.f64(),
             saturated_joints: self.next() as u8,
             posture: [Posture::Standing, Posture::Fallen][self.next() as usize % 2],
