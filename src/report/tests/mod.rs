@@ -2,6 +2,7 @@
 
 mod metrics;
 mod output;
+mod posturography;
 mod spins;
 
 use std::path::PathBuf;
