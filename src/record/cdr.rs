@@ -12,10 +12,7 @@ pub(super) enum DecodeError {
     Short { need: usize, have: usize },
     #[error("{extra} bytes follow its last field")]
     Trailing { extra: usize },
-    #[error(
-        "its layout is version {got}, this program reads version {expected}: \
-         the version of otolith that wrote it reads it"
-    )]
+    #[error("its layout is version {got}, this program reads version {expected}")]
     Layout { got: u8, expected: u8 },
     #[error("{field} is {value}, which means nothing")]
     Code { field: &'static str, value: u8 },

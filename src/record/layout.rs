@@ -10,7 +10,7 @@ use crate::time::Tick;
 use crate::vestibular::{HeadMotion, Perception};
 
 /// Version of the layouts of traffic, tick input and tick output.
-const LAYOUT: u8 = 2;
+pub(super) const LAYOUT: u8 = 2;
 
 const KIND_BYTES: u8 = 0;
 const KIND_CAN_STANDARD: u8 = 1;

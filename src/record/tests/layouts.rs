@@ -123,10 +123,7 @@ fn another_layout_version_is_named() {
     let mut bytes = Vec::new();
     layout::encode_input(&mut bytes, &Bits(1).tick(5).0);
     bytes[4] = 1;
-    let error = DecodeError::Layout { got: 1, expected: 2 };
-    assert_eq!(layout::decode_input(&bytes), Err(error));
-    let text = "its layout is version 1, this program reads version 2: the version of otolith that wrote it reads it";
-    assert_eq!(error.to_string(), text);
+    assert_eq!(layout::decode_input(&bytes), Err(DecodeError::Layout { got: 1, expected: 2 }));
 }
 
 proptest! {
