@@ -56,6 +56,9 @@ pub struct CharacterOutput {
     pub com_sway: f64,
     /// Centre of pressure minus support centroid, turntable axes, m; `None` below 20 N of load.
     pub cop_platform: Option<Vector2<f64>>,
+    /// Largest angle of a sole against the ground, rad: of the z axis of either foot's body against the ground's
+    /// normal. The contact points of a foot lie in one plane across that axis.
+    pub foot_tilt: f64,
     /// Length of the unbalanced root rows of the inverse dynamics, N and N m.
     pub constraint_residual: f64,
     /// Joints whose torque stood at its limit.

@@ -86,9 +86,10 @@ impl From<PerceiveError> for Failure {
 impl From<RecordError> for Failure {
     fn from(error: RecordError) -> Self {
         let kind = match error {
-            RecordError::Exists { .. } | RecordError::NoFolder { .. } | RecordError::NotMcap { .. } => {
-                FailureKind::Usage
-            }
+            RecordError::Exists { .. }
+            | RecordError::NoFolder { .. }
+            | RecordError::NotMcap { .. }
+            | RecordError::OtherLayout { .. } => FailureKind::Usage,
             RecordError::Io { ref source, .. } if is_wrong_path(source.kind()) => FailureKind::Usage,
             RecordError::Io { .. } | RecordError::Write { .. } => FailureKind::Failed,
             _ => FailureKind::DataLost,

@@ -100,6 +100,8 @@ pub(super) struct Census {
     /// Texts of the header message by name.
     pub header: Option<BTreeMap<String, String>>,
     pub summary: Option<String>,
+    /// Version of the first message whose layout is not ours.
+    pub other_layout: Option<u8>,
 }
 
 impl Census {
@@ -129,6 +131,9 @@ impl Census {
                 Topic::Imu => Ok(()),
             };
             if let Err(error) = result {
+                if let DecodeError::Layout { got, .. } = error {
+                    self.other_layout.get_or_insert(got);
+                }
                 unreadable.note(topic, &error.to_string());
             }
         }

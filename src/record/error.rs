@@ -73,6 +73,20 @@ pub enum RecordError {
         /// Its first bytes, escaped.
         found: String,
     },
+    /// Another version of otolith wrote the file.
+    #[error(
+        "{}: the recording has layout {got}, expected {expected}\n\n\
+         hint: read it with the version of otolith that wrote it",
+        path.display()
+    )]
+    OtherLayout {
+        /// The file.
+        path: PathBuf,
+        /// Layout of its first message.
+        got: u8,
+        /// Layout this program writes and reads.
+        expected: u8,
+    },
     /// The file is, or was, MCAP, but neither configuration nor data of ours can be read.
     #[error(
         "{}: nothing usable in {bytes} bytes: {reason}\n\nhint: only recordings made by otolith can be replayed",

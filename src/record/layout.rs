@@ -10,7 +10,7 @@ use crate::time::Tick;
 use crate::vestibular::{HeadMotion, Perception};
 
 /// Version of the layouts of traffic, tick input and tick output.
-const LAYOUT: u8 = 1;
+pub(super) const LAYOUT: u8 = 2;
 
 const KIND_BYTES: u8 = 0;
 const KIND_CAN_STANDARD: u8 = 1;
@@ -102,6 +102,7 @@ fn character_fields(character: &CharacterOutput, sink: &mut impl FieldSink) {
     sink.f64("com_sway", character.com_sway);
     sink.f64("cop_platform_x", cop.x);
     sink.f64("cop_platform_y", cop.y);
+    sink.f64("foot_tilt", character.foot_tilt);
     sink.f64("constraint_residual", character.constraint_residual);
     sink.u64("state_hash", character.state_hash);
     sink.u8("saturated_joints", character.saturated_joints);
@@ -145,6 +146,7 @@ fn read_character(cdr: &mut CdrReader<'_>) -> Result<CharacterOutput, DecodeErro
     let com_platform = read_vector(cdr)?;
     let com_sway = cdr.f64()?;
     let cop = Vector2::new(cdr.f64()?, cdr.f64()?);
+    let foot_tilt = cdr.f64()?;
     let constraint_residual = cdr.f64()?;
     let state_hash = cdr.u64()?;
     let saturated_joints = cdr.u8()?;
@@ -157,6 +159,7 @@ fn read_character(cdr: &mut CdrReader<'_>) -> Result<CharacterOutput, DecodeErro
         com_platform,
         com_sway,
         cop_platform,
+        foot_tilt,
         constraint_residual,
         saturated_joints,
         posture,

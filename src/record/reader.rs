@@ -38,7 +38,8 @@ impl Recording {
     /// Opens and checks the recording in `path`.
     ///
     /// # Errors
-    /// [`RecordError::Io`], [`RecordError::Empty`], [`RecordError::NotMcap`] and [`RecordError::NothingUsable`].
+    /// [`RecordError::Io`], [`RecordError::Empty`], [`RecordError::NotMcap`], [`RecordError::OtherLayout`] and
+    /// [`RecordError::NothingUsable`].
     /// Any other damage is no error: see [`Recording::damage`].
     pub fn open(path: &Path) -> Result<Self, RecordError> {
         Self::open_origin(path, Origin::File(path.to_owned()))
@@ -67,12 +68,16 @@ impl Recording {
             });
         };
         let Contents { chunks, attachments, census, findings } = contents;
+        let nothing_read = census.ticks.read == 0 && census.traffic.read == 0;
+        if let Some(got) = census.other_layout.filter(|_| nothing_read) {
+            return Err(RecordError::OtherLayout { path: path.to_owned(), got, expected: layout::LAYOUT });
+        }
         let header = census
             .header
             .as_ref()
             .and_then(RecordingHeader::from_entries)
             .or_else(|| RecordingHeader::from_entries(&attachments));
-        if header.is_none() && census.ticks.read == 0 && census.traffic.read == 0 {
+        if header.is_none() && nothing_read {
             let reason = findings.first().map_or("no data of ours".to_owned(), ToString::to_string);
             return Err(RecordError::NothingUsable { path: path.to_owned(), bytes, reason });
         }

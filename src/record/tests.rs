@@ -7,6 +7,7 @@ use std::path::Path;
 use nalgebra::{Vector2, Vector3};
 use proptest::prelude::*;
 
+use super::topic::Topic;
 use super::*;
 use crate::device::Traffic;
 use crate::imu::LinkHealth;
@@ -58,6 +59,7 @@ impl Bits {
             com_platform: self.vector(),
             com_sway: self.f64(),
             cop_platform: self.flag().then(|| Vector2::new(self.f64(), self.f64())),
+            foot_tilt: self.f64(),
             constraint_residual: self.f64(),
             saturated_joints: self.next() as u8,
             posture: [Posture::Standing, Posture::Fallen][self.next() as usize % 2],
@@ -265,6 +267,18 @@ fn other_files_are_refused() {
     let mut foreign = std::io::Cursor::new(Vec::new());
     mcap::Writer::new(&mut foreign).unwrap().finish().unwrap();
     assert!(open(foreign.get_ref()).contains("nothing usable"));
+    let mut older = std::io::Cursor::new(Vec::new());
+    let mut writer = mcap::Writer::new(&mut older).unwrap();
+    let channel_id = writer.add_channel(0, Topic::Traffic.name(), "cdr", &BTreeMap::new()).unwrap();
+    let message = mcap::records::MessageHeader { channel_id, sequence: 0, log_time: 0, publish_time: 0 };
+    let mut bytes = Vec::new();
+    layout::encode_traffic(&mut bytes, Traffic::Bytes(b"x"));
+    bytes[4] = 1;
+    writer.write_to_known_channel(&message, &bytes).unwrap();
+    writer.finish().unwrap();
+    drop(writer);
+    let text = open(older.get_ref());
+    assert!(text.contains("has layout 1, expected 2") && text.contains("version of otolith"), "{text}");
 }
 
 #[test]

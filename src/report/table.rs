@@ -80,7 +80,6 @@ fn chair_lines(summary: &Summary) -> String {
     out
 }
 
-/// The link's counters, those of trouble only where there was some; nothing for a run without a link.
 /// What the first second said about the sensor, and what could not be had from it.
 fn sensor_line(alignment: &serde_json::Value) -> String {
     let flag = |key: &str| alignment[key].as_bool().unwrap_or(false);
@@ -114,6 +113,7 @@ fn tenths(value: f64) -> String {
     format!("{:.1}", (value * 10.0).round() / 10.0 + 0.0)
 }
 
+/// The link's counters, those of trouble only where there was some; nothing for a run without a link.
 fn link_line(link: &LinkCounters) -> String {
     if *link == LinkCounters::default() {
         return String::new();
@@ -145,9 +145,13 @@ fn rows(green: &CharacterMetrics, blue: &CharacterMetrics) -> Vec<(&'static str,
         both("peak gravity tilt in spin (deg)", &|m| fixed(m.peak_gravity_tilt_in_spin_deg, 2)),
         both("peak gravity tilt (deg)", &|m| fixed(m.peak_gravity_tilt_deg, 2)),
         both("peak CoM sway (deg)", &|m| fixed(m.peak_com_sway_deg, 2)),
-        both("CoM path, forward x left (mm)", &|m| {
+        both("peak foot tilt (deg)", &|m| fixed(m.peak_foot_tilt_deg, 2)),
+        both("recovery, tilt < 0.5 deg (s)", &|m| fixed(m.recovery_s, 1)),
+        both("CoM range, forward x left (mm)", &|m| {
             m.com_range_after_stop_m.map(|[x, y]| format!("{:.1} x {:.1}", 1e3 * x, 1e3 * y))
         }),
+        both("CoP path (mm)", &|m| fixed(m.cop_path_m.map(|path| 1e3 * path), 1)),
+        both("CoP 95 % ellipse (mm2)", &|m| fixed(m.cop_ellipse_95_m2.map(|area| 1e6 * area), 1)),
         both("CoP within 5 mm (% of ticks)", &|m| {
             fixed(m.cop_within_5mm_after_stop.map(|share| 1e2 * share), 1)
         }),

@@ -3,7 +3,7 @@
 use crate::tick::{CharacterOutput, Posture, TickInput, TickOutput};
 use crate::time::{TICK_NS, Tick};
 
-/// Rows kept at most: 17 minutes at 1 kHz, about 70 MB.
+/// Rows kept at most: 17 minutes at 1 kHz, about 90 MB.
 const MAX_ROWS: usize = 1 << 20;
 /// Ticks after a respawn that no metric counts: the standing pose starts 10 mm off balance by construction.
 const SETTLE_TICKS: u64 = 2_000_000_000 / TICK_NS;
@@ -15,6 +15,8 @@ pub struct CharacterRow {
     pub gravity_tilt: f32,
     /// CoM sway angle, rad.
     pub com_sway: f32,
+    /// Larger angle of a sole against the ground, rad.
+    pub foot_tilt: f32,
     /// Believed yaw rate, rad/s, head z.
     pub omega_hat_z: f32,
     /// Centre of mass minus support centroid, turntable axes x and y, m.
@@ -90,6 +92,7 @@ impl Fate {
         CharacterRow {
             gravity_tilt: out.gravity_tilt as f32,
             com_sway: out.com_sway as f32,
+            foot_tilt: out.foot_tilt as f32,
             omega_hat_z: out.perception.omega_head.z as f32,
             com: [out.com_platform.x as f32, out.com_platform.y as f32],
             cop,

@@ -121,6 +121,7 @@ impl Figure {
         let centroid = perceived.support.centroid_world;
         let com = perceived.com_world - centroid;
         let sway = libm::atan2(libm::hypot(com.x, com.y), com.z);
+        let foot_tilt = self.foot_tilt(&ground);
 
         let mut report = ControlReport::default();
         let mut motors = MotorSet::limp(self.settings.fall.limp_damping);
@@ -148,6 +149,7 @@ impl Figure {
             com_sway: sway,
             cop_platform: cop
                 .map(|cop| (to_platform * Vector3::new(cop.x - centroid.x, cop.y - centroid.y, 0.0)).xy()),
+            foot_tilt,
             constraint_residual: report.constraint_residual,
             saturated_joints: report.saturated_joints,
             posture: self.posture,
@@ -198,6 +200,16 @@ impl Figure {
         self.engine.kinematics().rot_world_body[self.model.head]
     }
 
+    /// Largest angle of the z axis of either foot's body against the ground's normal, rad, 0..=π.
+    fn foot_tilt(&self, ground: &GroundSurface) -> f64 {
+        let rot_world_body = &self.engine.kinematics().rot_world_body;
+        let tilts = self.model.feet.map(|foot| {
+            let sole_normal: Vector3<f64> = rot_world_body[foot].column(2).into();
+            angle_between(&sole_normal, &ground.normal)
+        });
+        tilts[0].max(tilts[1])
+    }
+
     /// Believed gravity in world axes.
     fn gravity_believed(&self) -> Vector3<f64> {
         self.rot_world_head() * self.observer.perception().gravity_head
@@ -217,4 +229,51 @@ const FNV_PRIME: u64 = 0x0100_0000_01b3;
 /// Angle between two vectors, rad, accurate near 0 and π; 0 when either is zero.
 fn angle_between(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
     libm::atan2(a.cross(b).norm(), a.dot(b))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::character::{DOF, Foot};
+    use crate::vestibular::ObserverParameters;
+
+    #[test]
+    fn the_z_axis_of_a_foot_is_across_its_contact_points() {
+        let model = CharacterModel::standing().unwrap();
+        for foot in Foot::BOTH {
+            let mut points = (0..model.contacts.len()).filter(|&point| Foot::of_contact(point) == foot);
+            let first = model.contacts[points.next().unwrap()];
+            assert_eq!(first.body, model.feet[foot as usize]);
+            for point in points.map(|point| model.contacts[point]) {
+                assert_eq!((point.body, point.radius), (first.body, first.radius));
+                assert_eq!(point.position.z, first.position.z);
+            }
+        }
+    }
+
+    #[test]
+    fn a_foot_tilts_as_far_as_the_root_rolls_or_its_ankle_turns() {
+        let model = Arc::new(CharacterModel::standing().unwrap());
+        let settings = Arc::new(CoreSettings::default());
+        let observer = NewmanObserver::new(ObserverParameters::default()).unwrap();
+        let mut upright = CharacterState::from_qpos(&[0.0; DOF + 1]);
+        upright.root_position.z = 1.0;
+        let mut figure = Figure::new(Vestibular::Trusted, settings, model.clone(), upright, observer);
+        let ground = GroundSurface::turntable(0.7, 0.0, 0.0, model.friction);
+        let mut tilt = |state: CharacterState| {
+            figure.engine.set_state(state);
+            figure.foot_tilt(&ground)
+        };
+        assert_eq!(tilt(upright), 0.0);
+        let turned = |axis, angle| {
+            let mut state = upright;
+            state.root_attitude = nalgebra::UnitQuaternion::from_axis_angle(&axis, angle);
+            state
+        };
+        assert!((tilt(turned(Vector3::z_axis(), 2.0))).abs() < 1e-12, "yaw is no tilt");
+        assert!((tilt(turned(Vector3::x_axis(), -0.1)) - 0.1).abs() < 1e-12);
+        let mut toes_up = upright;
+        toes_up.joint_angles[model.joint("foot_r_y").unwrap()] = -0.2;
+        assert!((tilt(toes_up) - 0.2).abs() < 1e-12, "the other foot is flat");
+    }
 }

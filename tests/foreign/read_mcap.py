@@ -47,6 +47,7 @@ def main() -> int:
         print(name, vector.x, vector.y, vector.z)
     output = first["/otolith/tick_output"]
     print("green believes gravity", output.green.perception.gravity_head.z)
+    print("green's soles tilt by", output.green.foot_tilt)
     return 0
 
 

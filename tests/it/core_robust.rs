@@ -23,7 +23,7 @@ fn turning(rate: f64) -> Option<HeadMotion> {
 }
 
 fn is_finite(out: &CharacterOutput) -> bool {
-    let numbers = [out.gravity_tilt, out.com_sway, out.constraint_residual];
+    let numbers = [out.gravity_tilt, out.com_sway, out.foot_tilt, out.constraint_residual];
     let p = &out.perception;
     let vectors = [p.omega_head, p.gravity_head, p.accel_head, out.gravity_platform, out.com_platform];
     numbers.iter().chain(vectors.iter().flat_map(|v| v.iter())).all(|x| x.is_finite())

@@ -96,9 +96,11 @@ fn the_lengths_are_those_of_the_tables() {
     assert_eq!(bytes.len(), 68);
     assert_eq!(bytes[12..20], 5_u64.to_le_bytes());
     layout::encode_output(&mut bytes, &output);
-    assert_eq!(bytes.len(), 391);
-    assert_eq!(bytes[44 + 160..][..8], output.green.state_hash.to_le_bytes());
-    assert_eq!(bytes[220 + 160..][..8], output.blue.state_hash.to_le_bytes());
+    assert_eq!(bytes.len(), 407);
+    for (start, character) in [(44, &output.green), (228, &output.blue)] {
+        assert_eq!(bytes[start + 152..][..8], character.foot_tilt.to_le_bytes());
+        assert_eq!(bytes[start + 168..][..8], character.state_hash.to_le_bytes());
+    }
 }
 
 #[test]
@@ -120,8 +122,8 @@ fn an_imu_sample_has_the_bytes_of_ros() {
 fn another_layout_version_is_named() {
     let mut bytes = Vec::new();
     layout::encode_input(&mut bytes, &Bits(1).tick(5).0);
-    bytes[4] = 9;
-    assert_eq!(layout::decode_input(&bytes), Err(DecodeError::Layout { got: 9, expected: 1 }));
+    bytes[4] = 1;
+    assert_eq!(layout::decode_input(&bytes), Err(DecodeError::Layout { got: 1, expected: 2 }));
 }
 
 proptest! {

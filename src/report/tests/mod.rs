@@ -2,6 +2,7 @@
 
 mod metrics;
 mod output;
+mod posturography;
 mod spins;
 
 use std::path::PathBuf;
@@ -48,6 +49,7 @@ pub(super) fn upright() -> CharacterOutput {
         com_platform: Vector3::new(0.0, 0.0, 0.95),
         com_sway: 0.0,
         cop_platform: Some(Vector2::zeros()),
+        foot_tilt: 0.0,
         constraint_residual: 0.0,
         saturated_joints: 0,
         posture: Posture::Standing,

@@ -19,6 +19,7 @@ fn falling() -> Trace {
         let mut green = CharacterOutput {
             com_sway: lean_deg.to_radians(),
             gravity_tilt: 0.8 * lean_deg.to_radians(),
+            foot_tilt: 0.1 * lean_deg.to_radians(),
             posture: if tick >= 11_000 { Posture::Fallen } else { Posture::Standing },
             ..upright()
         };
@@ -60,8 +61,10 @@ fn the_json_object_has_the_promised_keys() {
     assert_eq!(keys(&json["link"]), "bad_checksum bytes_skipped dropped gaps missing packets");
     assert_eq!(keys(&json["chair"]), "peak_rate_rpm spins turned_deg");
     assert_eq!(keys(&json["chair"]["spins"][0]), "rate_rpm start_s stop_s");
-    let character = "com_range_after_stop_m cop_within_5mm_after_stop fell_at_s omega_hat_at_stop_rad_s \
-                     peak_com_sway_deg peak_gravity_tilt_deg peak_gravity_tilt_in_spin_deg";
+    let character = "com_path_m com_range_after_stop_m cop_ellipse_95_m2 cop_path_m \
+                     cop_within_5mm_after_stop fell_at_s omega_hat_at_stop_rad_s peak_com_sway_deg \
+                     peak_foot_tilt_deg peak_gravity_tilt_deg peak_gravity_tilt_in_spin_deg recovery_s \
+                     rms_com_sway_deg";
     assert_eq!(keys(&json["green"]), character);
     assert_eq!(keys(&json["blue"]), character);
     assert_eq!(keys(&json["timing"]), "overruns realtime_factor tick_us ticks");
@@ -85,7 +88,11 @@ fell at (s)                                11.00             -
 peak gravity tilt in spin (deg)             0.00          0.00
 peak gravity tilt (deg)                     9.60          0.00
 peak CoM sway (deg)                        12.00          0.00
-CoM path, forward x left (mm)        199.0 x 0.0     0.0 x 0.0
+peak foot tilt (deg)                        1.20          0.00
+recovery, tilt < 0.5 deg (s)                   -           0.0
+CoM range, forward x left (mm)       199.0 x 0.0     0.0 x 0.0
+CoP path (mm)                                0.0           0.0
+CoP 95 % ellipse (mm2)                       0.0           0.0
 CoP within 5 mm (% of ticks)                50.1         100.0
 believed rate at stop (rpm)                -11.5           0.0
 

@@ -51,13 +51,19 @@ fn the_json_has_every_key_with_its_type() {
     assert_eq!(keys(&json["timing"]), ["overruns", "realtime_factor", "tick_us", "ticks"]);
     assert_eq!(keys(&json["timing"]["tick_us"]), ["max", "p50", "p99"]);
     let of_a_character = [
+        "com_path_m",
         "com_range_after_stop_m",
+        "cop_ellipse_95_m2",
+        "cop_path_m",
         "cop_within_5mm_after_stop",
         "fell_at_s",
         "omega_hat_at_stop_rad_s",
         "peak_com_sway_deg",
+        "peak_foot_tilt_deg",
         "peak_gravity_tilt_deg",
         "peak_gravity_tilt_in_spin_deg",
+        "recovery_s",
+        "rms_com_sway_deg",
     ];
     for name in ["green", "blue"] {
         assert_eq!(keys(&json[name]), of_a_character);

@@ -1,76 +1,21 @@
 //! The numbers a run is judged by, and the intervals they are taken over.
 //!
 //! Sources: CoM sway, gravity tilt and the 5 mm indicator are those of section 6 of "Motion Sickness Simulation Based
-//! on Sensorimotor Control" (the indicator after Lauk et al. and Topper et al., cited there).
+//! on Sensorimotor Control" (the indicator after Lauk et al. and Topper et al., cited there); foot tilt is what its
+//! sections 6.1, 6.3 and 6.4 see and give no number for. The others are those of posturography, see their functions.
+
+mod posturography;
+mod windows;
 
 use serde::Serialize;
 
-use super::spins::Spin;
-use super::summary::rounded;
-use super::trace::{Character, CharacterRow, Row, Trace};
+pub use windows::{Window, Windows};
+
+use crate::report::summary::rounded;
+use crate::report::trace::{Character, CharacterRow, Row, Trace};
 
 /// Radius around the support centroid the centre of pressure should stay in, m.
 pub const COP_RADIUS: f64 = 0.005;
-/// Start of a run without spin or push that no metric counts, s: the CoM starts 10 mm behind the centroid.
-const SETTLE_S: f64 = 2.0;
-
-/// A closed interval of tick time.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Window {
-    /// First moment, s.
-    pub start_s: f64,
-    /// Last moment, s.
-    pub end_s: f64,
-}
-
-impl Window {
-    /// The interval, or `None` when it would end before it starts.
-    fn new(start_s: f64, end_s: f64) -> Option<Self> {
-        (start_s <= end_s).then_some(Self { start_s, end_s })
-    }
-
-    /// Whether `time_s` lies in the interval.
-    pub fn contains(&self, time_s: f64) -> bool {
-        // Half a nanosecond absorbs the rounding of tick times.
-        self.start_s - 5e-10 <= time_s && time_s <= self.end_s + 5e-10
-    }
-}
-
-/// The intervals the metrics are taken over.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Windows {
-    /// From the end of the last ramp down, or of the push if that is later, to the end of the run; with neither spin
-    /// nor push the run after its first 2 s. `None` while the last spin still turns.
-    pub after_stop: Option<Window>,
-    /// Each spin from the start of its ramp up to the end of its ramp down, or to the end of the run.
-    pub in_spin: Vec<Window>,
-    /// End of the last ramp down, s.
-    pub stop_s: Option<f64>,
-    /// End of the push, s.
-    pub push_end_s: Option<f64>,
-}
-
-impl Windows {
-    /// The windows of a run over `span_s` (first and last tick time, s; `None` for a run without ticks).
-    pub fn new(spins: &[Spin], push_end_s: Option<f64>, span_s: Option<(f64, f64)>) -> Self {
-        let Some((first_s, last_s)) = span_s else {
-            return Self::default();
-        };
-        let in_spin = spins
-            .iter()
-            .filter_map(|spin| Window::new(spin.start_s, spin.stop_s.unwrap_or(last_s).min(last_s)))
-            .collect();
-        let stop_s = spins.last().and_then(|spin| spin.stop_s);
-        let still_turning = !spins.is_empty() && stop_s.is_none();
-        let start_s = match (stop_s, push_end_s) {
-            (Some(stop_s), Some(push_end_s)) => stop_s.max(push_end_s),
-            (Some(only_s), None) | (None, Some(only_s)) => only_s,
-            (None, None) => first_s + SETTLE_S,
-        };
-        let after_stop = if still_turning { None } else { Window::new(start_s, last_s) };
-        Self { after_stop, in_spin, stop_s, push_end_s }
-    }
-}
 
 /// How one character fared. Every number is `None` where its window is missing or holds no row that counts.
 ///
@@ -86,8 +31,23 @@ pub struct CharacterMetrics {
     pub peak_gravity_tilt_in_spin_deg: Option<f64>,
     /// Largest angle of the line from support centroid to CoM against the vertical after the stop, deg.
     pub peak_com_sway_deg: Option<f64>,
+    /// Root mean square of that angle after the stop, deg.
+    pub rms_com_sway_deg: Option<f64>,
+    /// From the beginning of the time after the stop until the gravity tilt has fallen below 0.5 deg for good, s.
+    ///
+    /// 0 if it never was above. `None` if it is above at the end of the run, or if the character lay on the ground or
+    /// was stood up after the stop.
+    pub recovery_s: Option<f64>,
+    /// Largest angle of a sole against the ground after the stop, deg.
+    pub peak_foot_tilt_deg: Option<f64>,
     /// Extent of the CoM's path after the stop along turntable x (forward) and y (left), m.
     pub com_range_after_stop_m: Option<[f64; 2]>,
+    /// Length of the CoM's path over the turntable after the stop, at 100 Hz, m.
+    pub com_path_m: Option<f64>,
+    /// Length of the CoP's path after the stop, at 100 Hz, m; without the ways to and from where there was no CoP.
+    pub cop_path_m: Option<f64>,
+    /// Area of the 95 % prediction ellipse of the CoP after the stop, at 100 Hz, m².
+    pub cop_ellipse_95_m2: Option<f64>,
     /// Share of the ticks after the stop with the CoP within 5 mm of the support centroid, 0..=1.
     ///
     /// Ticks without a CoP, and those after a fall, are outside.
@@ -99,18 +59,27 @@ pub struct CharacterMetrics {
 impl CharacterMetrics {
     /// Measures `character` over `windows` of `trace`.
     pub fn new(trace: &Trace, windows: &Windows, character: Character) -> Self {
-        let after: Vec<&CharacterRow> =
-            rows_in(trace, windows.after_stop.as_slice()).map(|row| row.of(character)).collect();
+        let rows_after: Vec<&Row> = rows_in(trace, windows.after_stop.as_slice()).collect();
+        let after: Vec<&CharacterRow> = rows_after.iter().map(|row| row.of(character)).collect();
+        let on_grid = posturography::on_grid(&rows_after, character);
+        let coms: Vec<_> = on_grid.iter().map(|row| posturography::place(row, row.com)).collect();
+        let cops: Vec<_> = on_grid.iter().map(|row| posturography::place(row, row.cop)).collect();
         let in_spin = rows_in(trace, &windows.in_spin).map(|row| row.of(character));
         let at_stop = windows.stop_s.and_then(|stop_s| {
             trace.rows().iter().find(|row| row.tick.time_s() + 5e-10 >= stop_s).map(|row| row.of(character))
         });
         Self {
-            fell_at_s: trace.fell_at(character).map(|tick| super::summary::rounded(tick.time_s())),
+            fell_at_s: trace.fell_at(character).map(|tick| rounded(tick.time_s())),
             peak_gravity_tilt_deg: peak_deg(after.iter().copied(), |row| row.gravity_tilt),
             peak_gravity_tilt_in_spin_deg: peak_deg(in_spin, |row| row.gravity_tilt),
             peak_com_sway_deg: peak_deg(after.iter().copied(), |row| row.com_sway),
+            rms_com_sway_deg: posturography::rms_sway_deg(&after),
+            recovery_s: posturography::recovery_s(&rows_after, character),
+            peak_foot_tilt_deg: peak_deg(after.iter().copied(), |row| row.foot_tilt),
             com_range_after_stop_m: com_range(&after),
+            com_path_m: posturography::path_m(&coms),
+            cop_path_m: posturography::path_m(&cops),
+            cop_ellipse_95_m2: posturography::ellipse_95_m2(&cops),
             cop_within_5mm_after_stop: cop_share(&after),
             omega_hat_at_stop_rad_s: at_stop
                 .filter(|row| !row.down)
