@@ -11,6 +11,7 @@ pub mod device;
 pub mod dynamics;
 pub mod hil;
 pub mod imu;
+pub mod motion;
 pub mod record;
 pub mod report;
 pub mod runtime;

@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use nalgebra::Vector3;
 use otolith::character::CharacterModel;
 use otolith::imu::LinkHealth;
+use otolith::motion::{MotionSettings, shipped_motion};
 use otolith::runtime::{Core, CoreSettings, Push};
 use otolith::tick::{Posture, TickInput};
 use otolith::time::Tick;
@@ -61,12 +62,21 @@ fn operations(core: &mut Core, ticks: std::ops::Range<u64>) -> (u64, bool) {
 
 // One test only: the counter sees every thread of the binary.
 #[test]
-fn ticks_do_not_touch_the_heap_in_a_spin_nor_in_a_fall() {
+fn ticks_do_not_touch_the_heap_in_a_spin_nor_in_a_motion_nor_in_a_fall() {
     let model = || CharacterModel::standing().unwrap();
     let mut core = Core::new(CoreSettings::default(), model()).unwrap();
     assert!(OPERATIONS.load(Ordering::Relaxed) > 0, "the counter does not count");
     operations(&mut core, 0..100);
     assert_eq!(operations(&mut core, 100..2100), (0, true));
+
+    let motion = MotionSettings::from_toml(shipped_motion("stand-up").unwrap()).unwrap();
+    let settings =
+        CoreSettings { motion: Some(motion), motion_start_s: Some(0.5), ..CoreSettings::default() };
+    let mut core = Core::new(settings, model()).unwrap();
+    let squatting = core.blue().state().joint_angles;
+    operations(&mut core, 0..100);
+    assert_eq!(operations(&mut core, 100..3500), (0, true), "standing up");
+    assert!((core.blue().state().joint_angles - squatting).amax() > 1.0, "they stood up");
 
     let push = Push { start_s: 0.2, duration_s: 0.2, force: [800.0, 0.0] };
     let settings = CoreSettings { push: Some(push), respawn_after_s: Some(1.0), ..CoreSettings::default() };

@@ -8,7 +8,7 @@ use super::{BalanceController, BalanceSettings, Control, ControlReport, Perceive
 use crate::character::{CONTACTS, Foot, GenVec, JOINTS, JointVec};
 use crate::dynamics::{Dynamics, GroundSurface};
 
-/// The posture to hold or the motion to follow (Eq. 16).
+/// The posture to hold or the motion to follow (Eq. 16), and the height that belongs to it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reference {
     /// Hinge angles, rad.
@@ -17,12 +17,19 @@ pub struct Reference {
     pub rates: JointVec,
     /// Hinge accelerations, rad/s².
     pub accelerations: JointVec,
+    /// Height of the centre of mass above the ground, m.
+    pub height: f64,
+    /// Its rate, m/s.
+    pub height_rate: f64,
+    /// Its acceleration, m/s².
+    pub height_acceleration: f64,
 }
 
 impl Reference {
-    /// Hold `angles`.
-    pub fn hold(angles: JointVec) -> Self {
-        Self { angles, rates: JointVec::zeros(), accelerations: JointVec::zeros() }
+    /// Hold `angles` and the centre of mass at `height`.
+    pub fn hold(angles: JointVec, height: f64) -> Self {
+        let (rates, accelerations) = (JointVec::zeros(), JointVec::zeros());
+        Self { angles, rates, accelerations, height, height_rate: 0.0, height_acceleration: 0.0 }
     }
 }
 
@@ -31,15 +38,14 @@ impl Reference {
 pub struct MomentumController {
     settings: BalanceSettings,
     reference: Reference,
-    height: f64,
     distribution: ForceDistribution,
 }
 
 impl MomentumController {
     /// A controller that keeps the posture and the centre-of-mass height `body` has now.
     pub fn new<D: Dynamics>(settings: BalanceSettings, body: &D) -> Self {
-        let reference = Reference::hold(body.state().joint_angles);
-        Self { settings, reference, height: body.com().z, distribution: ForceDistribution::default() }
+        let reference = Reference::hold(body.state().joint_angles, body.com().z);
+        Self { settings, reference, distribution: ForceDistribution::default() }
     }
 
     /// Changes the posture or motion to follow.
@@ -47,9 +53,15 @@ impl MomentumController {
         self.reference = reference;
     }
 
+    /// The posture or motion that is followed.
+    pub fn reference(&self) -> &Reference {
+        &self.reference
+    }
+
     /// Desired momentum rates: Eqs. 19 to 21 in the believed frame.
     ///
-    /// Departures from the paper, all from `spec/balance.md`: the vertical row is a height PD; the desired centre of
+    /// Departures from the paper, all from `spec/balance.md`: the vertical row is a height PD around the
+    /// reference posture's height; the desired centre of
     /// pressure is the support's centroid itself; velocities are inertial, so the reference moves with the ground.
     fn momentum_rates(
         &self,
@@ -63,7 +75,10 @@ impl MomentumController {
         let reference_velocity = ground.velocity_at(&centroid);
         let mut acceleration = s.com_stiffness * (centroid - perceived.com_projected_world)
             + s.com_damping * (reference_velocity - velocity);
-        acceleration.z = s.height_stiffness * (self.height - com.z) - s.height_damping * velocity.z;
+        let reference = &self.reference;
+        acceleration.z = s.height_stiffness * (reference.height - com.z)
+            + s.height_damping * (reference.height_rate - velocity.z)
+            + reference.height_acceleration;
         let linear = mass * acceleration;
         let angular = (centroid - com).cross(&(linear - mass * perceived.gravity_world));
         (linear, angular)
@@ -154,7 +169,8 @@ impl<D: Dynamics> BalanceController<D> for MomentumController {
     }
 
     fn reset(&mut self, body: &D) {
-        self.height = body.com().z;
+        let height = body.com().z;
+        self.reference = Reference { height, height_rate: 0.0, height_acceleration: 0.0, ..self.reference };
         self.distribution = ForceDistribution::default();
     }
 }

@@ -19,6 +19,7 @@ use crate::time::utc_now_compact;
     otolith demo                               as fast as the machine goes\n  \
     otolith demo --pace real                   in real time\n  \
     otolith demo --spin-s 20                   green falls\n  \
+    otolith demo --motion stand-up             spun in a squat, then they stand up; or reach, drink\n  \
     otolith demo --rate-rpm 10 --json --out slow")]
 pub(super) struct DemoArgs {
     #[command(flatten)]

@@ -18,7 +18,11 @@ use crate::vestibular::PRESET_NAMES;
     otolith run --device can:can0 --duration-s 60 --record my-run.mcap\n  \
     otolith run --device replay:log.txt --log-map configs/logs/turntable-lsm9ds1.toml --pace max --json\n  \
     otolith run --device mock:chair --rate-rpm 20 --pace max\n  \
-    otolith run --scenario spin-30rpm-20s --pace max --out fall\n\n\
+    otolith run --scenario spin-30rpm-20s --pace max --out fall\n  \
+    otolith run --device mock:chair --motion reach --print-config > my-run.toml\n\n\
+    A motion begins a quarter of a second after the turntable has come to rest from at least one whole turn, and again \
+    only after the characters were stood up; core.motion_start_s begins it at a fixed time instead. \
+    configs/motions holds the key poses of the built-in ones.\n\n\
     While it runs: r + Enter stands the characters up again, Ctrl-C ends the run and prints the summary.")]
 pub(super) struct RunArgs {
     /// Device: serial:PORT?baud=N, can:IFACE, replay:FILE, mock:chair.
@@ -92,6 +96,9 @@ pub(super) struct Options {
     /// Preset of the vestibular model.
     #[arg(long, value_name = "NAME", value_parser = clap::builder::PossibleValuesParser::new(PRESET_NAMES))]
     preset: Option<String>,
+    /// Motion both characters make once the turntable rests after a spin: reach, drink, stand-up, or a file of key poses.
+    #[arg(long, value_name = "NAME|FILE.toml")]
+    motion: Option<String>,
     /// Stand a fallen character up again after this time.
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
     respawn: Option<f64>,
@@ -113,6 +120,7 @@ impl Options {
         };
         config.character = self.character.clone().or(config.character);
         config.observer_preset = self.preset.clone();
+        config.motion = self.motion.clone();
         config.core.respawn_after_s = positive("--respawn", self.respawn)?.or(config.core.respawn_after_s);
         Ok(config.resolved("command line")?)
     }

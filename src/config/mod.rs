@@ -15,6 +15,7 @@ use crate::device::DeviceError;
 use crate::device::fault::FaultPlan;
 use crate::device::protocol::text::{TextError, TextMapping};
 use crate::imu::{Calibration, ImuConfigError, ImuSettings, Mount};
+use crate::motion::{MOTION_NAMES, MotionError, MotionSettings, shipped_motion};
 use crate::runtime::{CoreSettings, CoreSettingsError, LiveSettings, LiveSettingsError};
 use crate::vestibular::{ObserverParameters, PRESET_NAMES};
 
@@ -43,6 +44,8 @@ pub struct Config {
     pub character: Option<PathBuf>,
     /// Preset of the vestibular model; it replaces `core.observer`.
     pub observer_preset: Option<String>,
+    /// Motion of both characters, a built-in name or a file; it replaces `core.motion`.
+    pub motion: Option<String>,
     /// Faults to inject into the traffic, for trials: none when absent.
     pub faults: Option<FaultPlan>,
     /// From readings to head motion.
@@ -90,8 +93,31 @@ pub enum ConfigError {
         /// The names there are.
         known: String,
     },
+    /// A motion that is neither built in nor a file that can be read.
+    #[error(
+        "{file}: motion `{got}` is neither built in nor a file: {source}\n\nhint: built in are {known}; anything else is the \
+         path of a TOML file of key poses"
+    )]
+    MotionName {
+        /// The file that names it.
+        file: String,
+        /// The name given.
+        got: String,
+        /// The names there are.
+        known: String,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// A bad motion file.
+    #[error("{file}: {}", with_own_hint(source, SHOW_MOTION))]
+    Motion {
+        /// The file.
+        file: String,
+        /// What is wrong.
+        source: MotionError,
+    },
     /// A value of the core out of range.
-    #[error("{file}: table [core]: {}", with_hint(source))]
+    #[error("{file}: table [core]: {}", with_own_hint(source, PRINT_CONFIG))]
     Core {
         /// The file.
         file: String,
@@ -99,7 +125,7 @@ pub enum ConfigError {
         source: CoreSettingsError,
     },
     /// A value of the live run out of range.
-    #[error("{file}: {}", with_hint(source))]
+    #[error("{file}: {}", with_own_hint(source, PRINT_CONFIG))]
     Live {
         /// The file.
         file: String,
@@ -127,11 +153,12 @@ pub enum ConfigError {
 }
 
 const PRINT_CONFIG: &str = "`otolith run --print-config` prints every key with its default";
+const SHOW_MOTION: &str = "`otolith run --motion reach --print-config` shows a motion, below [core]";
 
-/// An error's text; one that brings no hint of its own gets the general one.
-fn with_hint(error: &dyn std::error::Error) -> String {
+/// An error's text; one that brings no hint of its own gets the general one of its kind.
+fn with_own_hint(error: &dyn std::error::Error, general: &str) -> String {
     let text = error.to_string();
-    if text.contains("\n\nhint: ") { text } else { format!("{text}\n\nhint: {PRINT_CONFIG}") }
+    if text.contains("\n\nhint: ") { text } else { format!("{text}\n\nhint: {general}") }
 }
 
 fn hint_for(error: &std::io::Error) -> &'static str {
@@ -161,7 +188,7 @@ impl Config {
         config.resolved(file)
     }
 
-    /// The same with the preset put in place, checked.
+    /// The same with preset and motion put in place, checked.
     ///
     /// # Errors
     /// [`ConfigError`] names the file and the key.
@@ -172,6 +199,9 @@ impl Config {
                 got: name,
                 known: PRESET_NAMES.join(", "),
             })?;
+        }
+        if let Some(name) = self.motion.take() {
+            self.core.motion = Some(read_motion(&name, file)?);
         }
         self.imu.validate(file)?;
         self.faults.as_ref().map_or(Ok(()), FaultPlan::validate)?;
@@ -257,6 +287,20 @@ fn read(path: &Path) -> Result<String, ConfigError> {
     std::fs::read_to_string(path).map_err(|source| ConfigError::File { path: path.to_owned(), source })
 }
 
+/// The motion called `name`: a built-in one, or that of a file; `named_in` is where the name stands.
+fn read_motion(name: &str, named_in: &str) -> Result<MotionSettings, ConfigError> {
+    let text = match shipped_motion(name) {
+        Some(text) => text.to_owned(),
+        None => std::fs::read_to_string(name).map_err(|source| ConfigError::MotionName {
+            file: named_in.to_owned(),
+            got: name.to_owned(),
+            known: MOTION_NAMES.join(", "),
+            source,
+        })?,
+    };
+    MotionSettings::from_toml(&text).map_err(|source| ConfigError::Motion { file: name.to_owned(), source })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -278,6 +322,15 @@ mod tests {
             error.contains("run.toml") && error.contains("`mz`") && error.contains("merfeld-zupan-2002"),
             "{error}"
         );
+    }
+
+    #[test]
+    fn a_named_motion_is_held_whole_by_the_effective_configuration() {
+        let config = Config::from_toml("motion = \"drink\"", "test").unwrap();
+        let motion = MotionSettings::from_toml(shipped_motion("drink").unwrap()).unwrap();
+        assert_eq!(config.core.motion, Some(motion));
+        assert!(config.motion.is_none());
+        assert_eq!(Config::from_toml(&config.to_toml(), "test").unwrap(), config);
     }
 
     #[test]

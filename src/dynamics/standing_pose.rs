@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::Kinematics;
-use crate::character::{CONTACTS, CharacterModel, CharacterState, DOF};
+use crate::character::{CONTACTS, CharacterModel, CharacterState, DOF, JointVec};
 
 /// How the character stands at the start.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -66,55 +66,90 @@ pub enum PoseError {
     },
 }
 
-/// The standing pose: leans about the ankles until the centre of mass stands where the settings ask for, then places
-/// the support's centroid on the vertical axis and the soles on the ground.
+/// Rounds after which the standing pose leans as it should: each gains a factor of about 16.
+const STANDING_ROUNDS: usize = 6;
+
+/// The standing pose: the hinge angles of the settings, [leaned](PoseSettings::leaned).
 ///
 /// # Errors
 /// [`PoseError::UnknownJoint`] for a hinge name the model does not have, [`PoseError::Impossible`] for numbers out of
 /// range.
 pub fn standing_pose(model: &CharacterModel, settings: &PoseSettings) -> Result<CharacterState, PoseError> {
-    let joint = |name: &String| {
-        model.joint(name).ok_or_else(|| PoseError::UnknownJoint {
-            name: name.clone(),
-            known: model.joints.iter().map(|j| j.name.as_str()).collect::<Vec<_>>().join(", "),
-        })
-    };
-    let in_range = settings.joint_angles.values().all(|angle| angle.abs() <= 3.2)
-        && settings.com_ahead_of_centroid.abs() <= 0.1
-        && (0.0..=0.01).contains(&settings.initial_overlap);
-    if !in_range {
-        return Err(PoseError::Impossible { com_ahead_of_centroid: settings.com_ahead_of_centroid });
-    }
-    let mut state = CharacterState::from_qpos(&std::array::from_fn::<f64, { DOF + 1 }, _>(|_| 0.0));
-    for (name, angle) in &settings.joint_angles {
-        state.joint_angles[joint(name)?] = *angle;
-    }
-    let ankles = settings.ankle_joints.iter().map(joint).collect::<Result<Vec<_>, _>>()?;
-    let level = ankles.iter().map(|ankle| state.joint_angles[*ankle]).collect::<Vec<_>>();
+    settings.leaned(model, &settings.level_angles(model)?, STANDING_ROUNDS)
+}
 
-    let mut kinematics = Kinematics::default();
-    // The distance from ankles to centre of mass is close to 0.95 m: this converges by a factor of about 16 a round.
-    let mut lean = 0.0;
-    for _ in 0..6 {
-        for (ankle, angle) in ankles.iter().zip(&level) {
-            state.joint_angles[*ankle] = angle - lean;
+impl PoseSettings {
+    /// Hinge angles before the body leans, rad.
+    ///
+    /// # Errors
+    /// As [`standing_pose`].
+    pub fn level_angles(&self, model: &CharacterModel) -> Result<JointVec, PoseError> {
+        let in_range = self.joint_angles.values().all(|angle| angle.abs() <= 3.2)
+            && self.com_ahead_of_centroid.abs() <= 0.1
+            && (0.0..=0.01).contains(&self.initial_overlap);
+        if !in_range {
+            return Err(PoseError::Impossible { com_ahead_of_centroid: self.com_ahead_of_centroid });
         }
-        state.root_attitude = UnitQuaternion::new_normalize(nalgebra::Quaternion::new(
-            libm::cos(lean / 2.0),
-            0.0,
-            libm::sin(lean / 2.0),
-            0.0,
-        ));
-        kinematics.update(model, &state);
-        let centroid = contact_centroid(&kinematics, model);
-        lean -= (kinematics.com(model).x - centroid.x - settings.com_ahead_of_centroid) / 0.95;
+        let mut angles = JointVec::zeros();
+        for (name, angle) in &self.joint_angles {
+            angles[hinge(model, name)?] = *angle;
+        }
+        Ok(angles)
     }
-    let centroid = contact_centroid(&kinematics, model);
-    let lowest = (0..CONTACTS)
-        .map(|i| kinematics.contact_position(model, i).z - model.contacts[i].radius)
-        .fold(f64::INFINITY, f64::min);
-    state.root_position -= Vector3::new(centroid.x, centroid.y, lowest + settings.initial_overlap);
-    Ok(state)
+
+    /// The ankle hinges' indices.
+    ///
+    /// # Errors
+    /// [`PoseError::UnknownJoint`].
+    pub fn ankles(&self, model: &CharacterModel) -> Result<Vec<usize>, PoseError> {
+        self.ankle_joints.iter().map(|name| hinge(model, name)).collect()
+    }
+
+    /// A pose at rest with the hinges at `angles`: the body above the ankles leans until the centre of mass stands where
+    /// the settings ask for, the support's centroid is placed on the vertical axis and the lowest sole on the ground.
+    /// A round leaves the share `1 - h / 0.95 m` of the error, h the height of the centre of mass above the ankles.
+    ///
+    /// # Errors
+    /// [`PoseError::UnknownJoint`].
+    pub fn leaned(
+        &self,
+        model: &CharacterModel,
+        angles: &JointVec,
+        rounds: usize,
+    ) -> Result<CharacterState, PoseError> {
+        let ankles = self.ankles(model)?;
+        let mut state = CharacterState::from_qpos(&std::array::from_fn::<f64, { DOF + 1 }, _>(|_| 0.0));
+        state.joint_angles = *angles;
+        let mut kinematics = Kinematics::default();
+        let mut lean = 0.0;
+        for _ in 0..rounds {
+            for &ankle in &ankles {
+                state.joint_angles[ankle] = angles[ankle] - lean;
+            }
+            state.root_attitude = UnitQuaternion::new_normalize(nalgebra::Quaternion::new(
+                libm::cos(lean / 2.0),
+                0.0,
+                libm::sin(lean / 2.0),
+                0.0,
+            ));
+            kinematics.update(model, &state);
+            let centroid = contact_centroid(&kinematics, model);
+            lean -= (kinematics.com(model).x - centroid.x - self.com_ahead_of_centroid) / 0.95;
+        }
+        let centroid = contact_centroid(&kinematics, model);
+        let lowest = (0..CONTACTS)
+            .map(|i| kinematics.contact_position(model, i).z - model.contacts[i].radius)
+            .fold(f64::INFINITY, f64::min);
+        state.root_position -= Vector3::new(centroid.x, centroid.y, lowest + self.initial_overlap);
+        Ok(state)
+    }
+}
+
+fn hinge(model: &CharacterModel, name: &str) -> Result<usize, PoseError> {
+    model.joint(name).ok_or_else(|| PoseError::UnknownJoint {
+        name: name.to_owned(),
+        known: model.joints.iter().map(|joint| joint.name.as_str()).collect::<Vec<_>>().join(", "),
+    })
 }
 
 fn contact_centroid(kinematics: &Kinematics, model: &CharacterModel) -> Vector3<f64> {

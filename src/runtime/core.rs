@@ -9,6 +9,7 @@ use crate::balance::{BalanceSettings, FallSettings, SettingsError};
 use crate::character::CharacterModel;
 use crate::dynamics::{BodyWrench, ContactSettings, PoseError, PoseSettings, standing_pose};
 use crate::hil::{ChairResidual, Turntable, TurntableSettings};
+use crate::motion::{MotionError, MotionSettings, Player, Trajectory};
 use crate::tick::{TickInput, TickOutput};
 use crate::time::{TICK_S, Tick};
 use crate::vestibular::{HeadMotion, NewmanObserver, ObserverParameters, ParameterError};
@@ -48,6 +49,10 @@ pub struct CoreSettings {
     pub push: Option<Push>,
     /// Stand a fallen character up again after this time, s.
     pub respawn_after_s: Option<f64>,
+    /// The motion both characters make, once after each time they were stood up; they stand when absent.
+    pub motion: Option<MotionSettings>,
+    /// Begin the motion this long after the character was stood up, s; when absent it begins after a spin.
+    pub motion_start_s: Option<f64>,
 }
 
 /// Settings the core cannot run with.
@@ -62,6 +67,9 @@ pub enum CoreSettingsError {
     /// An observer that cannot run.
     #[error(transparent)]
     Observer(#[from] ParameterError),
+    /// A motion that cannot be made.
+    #[error("motion: {0}")]
+    Motion(#[from] MotionError),
     /// Another number outside its range.
     #[error("key `{key}` is {got}, allowed is {allowed}")]
     Range {
@@ -81,6 +89,7 @@ impl CoreSettings {
     /// The first key outside its range.
     pub fn check(&self) -> Result<(), CoreSettingsError> {
         self.balance.check()?;
+        self.motion.as_ref().map_or(Ok(()), MotionSettings::check)?;
         let contact = &self.contact;
         let in_range = [
             ("fall.sway_limit_deg", self.fall.sway_limit_deg, 1.0..=60.0, "1 to 60 deg"),
@@ -106,6 +115,7 @@ impl CoreSettings {
             ("vestibule_shift[0]", self.vestibule_shift[0], -0.2..=0.2, "-0.2 to 0.2 m"),
             ("vestibule_shift[1]", self.vestibule_shift[1], -0.2..=0.2, "-0.2 to 0.2 m"),
             ("vestibule_shift[2]", self.vestibule_shift[2], -0.2..=0.2, "-0.2 to 0.2 m"),
+            ("motion_start_s", self.motion_start_s.unwrap_or(0.0), 0.0..=1e6, "0 to 1e6 s"),
             ("push.start_s", self.push.map_or(0.0, |p| p.start_s), 0.0..=1e6, "0 to 1e6 s"),
             ("push.duration_s", self.push.map_or(0.1, |p| p.duration_s), 1e-3..=10.0, "0.001 to 10 s"),
             ("push.force[0]", self.push.map_or(0.0, |p| p.force[0]), -5000.0..=5000.0, "-5000 to 5000 N"),
@@ -133,6 +143,14 @@ fn is_plausible(chair: &HeadMotion) -> bool {
     chair.omega_head.norm() <= MAX_CHAIR_RATE && chair.gif_head.norm() <= MAX_CHAIR_FORCE
 }
 
+/// What plays the motion of `settings`, if there is one.
+fn player(settings: &CoreSettings, model: &CharacterModel) -> Result<Option<Player>, MotionError> {
+    let Some(motion) = &settings.motion else { return Ok(None) };
+    let trajectory = Trajectory::new(model, &settings.pose, motion)?;
+    trajectory.check_height(settings.fall.least_com_height)?;
+    Ok(Some(Player::new(Arc::new(trajectory), settings.motion_start_s)))
+}
+
 /// Two characters on one turntable: a pure function of its settings and of every input so far.
 #[derive(Clone, Debug)]
 pub struct Core {
@@ -146,18 +164,25 @@ pub struct Core {
 }
 
 impl Core {
-    /// A core with both characters standing at rest.
+    /// A core with both characters at rest: standing, or in the first pose of their motion.
     ///
     /// # Errors
-    /// Settings out of range, or a pose that names hinges the model does not have.
+    /// Settings out of range, a pose that names hinges the model does not have, or a motion it cannot make.
     pub fn new(settings: CoreSettings, mut model: CharacterModel) -> Result<Self, CoreSettingsError> {
         settings.check()?;
         model.vestibule += Vector3::from(settings.vestibule_shift);
         let standing = standing_pose(&model, &settings.pose)?;
+        let player = player(&settings, &model)?;
         let observer = NewmanObserver::new(settings.observer)?;
         let (settings, model) = (Arc::new(settings), Arc::new(model));
-        let figure =
-            |vestibular| Figure::new(vestibular, settings.clone(), model.clone(), standing, observer);
+        let figure = |vestibular| {
+            let (settings, model) = (settings.clone(), model.clone());
+            match &player {
+                None => Figure::new(vestibular, settings, model, standing, observer),
+                Some(player) => Figure::new(vestibular, settings, model, *player.first_pose(), observer)
+                    .moved_by(player.clone()),
+            }
+        };
         Ok(Self {
             gravity: model.gravity,
             thorax: model.thorax,

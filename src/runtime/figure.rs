@@ -11,6 +11,7 @@ use crate::dynamics::{
     BodyWrench, Dynamics, Engine, GroundSurface, HeadSignals, MotorSet, Simulator, StepInput,
 };
 use crate::hil::{ChairResidual, compose};
+use crate::motion::Player;
 use crate::tick::{CharacterOutput, PlatformMotion, Posture};
 use crate::time::TICK_S;
 use crate::vestibular::{NewmanObserver, OrientationObserver};
@@ -38,6 +39,7 @@ pub struct Figure {
     observer: NewmanObserver,
     controller: MomentumController,
     detector: FallDetector,
+    player: Option<Player>,
     posture: Posture,
     torques: JointVec,
     fallen_s: f64,
@@ -64,11 +66,17 @@ impl Figure {
             observer,
             controller,
             detector: FallDetector::default(),
+            player: None,
             posture: Posture::Standing,
             torques: JointVec::zeros(),
             fallen_s: 0.0,
             observer_started: false,
         }
+    }
+
+    /// The same character, whose posture follows `player`. It should stand in the first pose of the motion.
+    pub fn moved_by(self, player: Player) -> Self {
+        Self { player: Some(player), ..self }
     }
 
     /// Stands the character up on a platform at `angle` that turns with `rate`; its inner ear starts adapted.
@@ -86,6 +94,9 @@ impl Figure {
         self.engine.set_state(state);
         self.controller.reset(&self.engine);
         self.detector = FallDetector::default();
+        if let Some(player) = &mut self.player {
+            player.rewind();
+        }
         self.posture = Posture::Standing;
         self.torques = JointVec::zeros();
         self.fallen_s = 0.0;
@@ -126,6 +137,9 @@ impl Figure {
         let mut report = ControlReport::default();
         let mut motors = MotorSet::limp(self.settings.fall.limp_damping);
         if self.posture == Posture::Standing {
+            if let Some(player) = &mut self.player {
+                self.controller.follow(player.next_reference(platform.rate));
+            }
             let control: Control = self.controller.control(&self.engine, &ground, &perceived);
             report = control.report;
             let residual = report.constraint_residual;
@@ -172,6 +186,13 @@ impl Figure {
     /// Configuration and velocity of the body.
     pub fn state(&self) -> &CharacterState {
         self.engine.state()
+    }
+
+    /// How far the posture is from the reference it follows: the largest angle of one hinge, rad.
+    ///
+    /// The reference is that of the last tick's start, so in a motion this holds the way of one tick, too.
+    pub fn posture_error(&self) -> f64 {
+        (self.controller.reference().angles - self.state().joint_angles).amax()
     }
 
     /// Gives the observer this tick's head motion.

@@ -8,6 +8,7 @@ use otolith::config::Config;
 use otolith::device::Selector;
 use otolith::device::protocol::text::TextMapping;
 use otolith::imu::Mount;
+use otolith::motion::MotionSettings;
 use otolith::vestibular::ObserverParameters;
 
 fn configs() -> PathBuf {
@@ -52,6 +53,7 @@ fn every_other_file_is_accepted_by_its_reader() {
             let problem = match folder.file_name().unwrap().to_str().unwrap() {
                 "characters" => CharacterModel::from_mjcf(&text, &name).err().map(|error| error.to_string()),
                 "logs" => TextMapping::from_toml(&name, &text).err().map(|error| error.to_string()),
+                "motions" => MotionSettings::from_toml(&text).err().map(|error| error.to_string()),
                 "mounts" => Mount::from_toml(&name, &text).err().map(|error| error.to_string()),
                 "observers" => observer_problem(&text),
                 "scenarios" => Config::from_toml(&text, &name).err().map(|error| error.to_string()),

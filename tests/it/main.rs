@@ -18,6 +18,7 @@ mod configs;
 mod core_robust;
 mod imu_logs;
 mod layering;
+mod motions;
 mod observer_cases;
 mod observer_golden;
 mod observer_laws;

@@ -34,6 +34,23 @@ fn a_whole_recording_is_bit_identical() {
 }
 
 #[test]
+fn a_recording_holds_the_whole_motion_and_repeats_it() {
+    let place = Place::new();
+    let own = "[[pose]]\ntime_s = 0\n[[pose]]\ntime_s = 0.8\nangles = { neck_y = -0.3 }";
+    place.write("nod.toml", own);
+    place.write("c.toml", "[core]\nmotion_start_s = 0.4");
+    let spin = ["--rest-s", "0.5", "--spin-s", "2", "--ramp-s", "0.2", "--after-s", "0.5", "--json"];
+    let demo = |args: &[&str]| place.run(&[&["demo"], args, &spin].concat()).done().json();
+    let standing = demo(&["--out", "standing"]);
+    let moving = demo(&["--config", "c.toml", "--motion", "nod.toml", "--out", "moving"]);
+    assert_ne!(moving["green"], standing["green"], "the nod is seen");
+    std::fs::remove_file(place.path("nod.toml")).expect("removed");
+    let json = place.run(&["replay", "moving/recording.mcap", "--verify", "--json"]).done().json();
+    assert_eq!(json["verify"]["bit_identical"], true);
+    assert_eq!(json["green"], moving["green"]);
+}
+
+#[test]
 fn a_replay_says_what_the_run_said() {
     let place = place_with(&GOOD.0);
     let json = place.run(&["replay", "r.mcap", "--json", "--out", "again"]).done().json();

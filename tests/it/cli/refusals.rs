@@ -99,6 +99,9 @@ fn configurations() {
         ("[imu]\nhold_limit_s = -0.1", &["hold_limit_s", "-0.1"]),
         ("[imu]\nhold_limit_s = \"long\"", &["line 2", "expected f64"]),
         ("observer_preset = \"mz\"", &["observer_preset", "`mz`", "merfeld-zupan-2002"]),
+        ("motion = \"sleep\"", &["c.toml", "motion `sleep`", "reach, drink, stand-up"]),
+        ("[[core.motion.pose]]\ntime_s = 0.0", &["[core]", "motion", "2 to 100"]),
+        ("[core]\nmotion_start_s = -1.0", &["motion_start_s", "-1"]),
         ("device = \"usb:1\"", &["unknown scheme `usb`"]),
         ("= ", &["line 1"]),
     ] {
@@ -106,6 +109,26 @@ fn configurations() {
         place.run(&["run", "--config", "c.toml"]).refused(2, parts);
     }
     place.run(&["run", "--config", "nope.toml"]).refused(2, &["nope.toml: cannot read it", "check the path"]);
+}
+
+#[test]
+fn motions_that_are_none() {
+    let place = Place::new();
+    moment(&place, &["--motion", "sleep"])
+        .refused(2, &["command line: motion `sleep`", "reach, drink, stand-up"]);
+    moment(&place, &["--motion", "."]).refused(2, &["motion `.`", "directory"]);
+    for (angles, parts) in [
+        (
+            "neck_y = -90",
+            &["m.toml: pose 2: key `angles.neck_y` is -90", "-3.2 to 3.2 rad", "--print-config"][..],
+        ),
+        ("nose = 0.1", &["motion: pose 2", "no hinge `nose`", "neck_y"]),
+        ("shank_l_y = 1.5", &["way to pose 2", "feet", "add up to 0"]),
+    ] {
+        let text = format!("[[pose]]\ntime_s = 0\n[[pose]]\ntime_s = 1\nangles = {{ {angles} }}");
+        place.write("m.toml", text);
+        moment(&place, &["--motion", "m.toml"]).refused(2, parts);
+    }
 }
 
 #[test]
