@@ -1,5 +1,5 @@
 # Sourced by run.sh and cross_engine.sh: Python environments with the pinned peers, in a scratch folder.
-# shellcheck shell=sh
+# shellcheck shell=sh disable=SC2034,SC2094,SC2154 # names shared with the scripts; pip only reads the constraints
 
 scratch=${TMPDIR:-/tmp}/otolith-peers
 venv=$scratch/venv
@@ -10,7 +10,7 @@ environment() {
     [ -x "$1/bin/python" ] || python3 -m venv "$1"
     if cmp -s "$2" "$1/installed.txt"; then return; fi
     while read -r package; do
-        "$1/bin/pip" install --quiet --disable-pip-version-check --only-binary :all: --constraint "$2" "$package" ||
+        "$1/bin/pip" install --quiet --disable-pip-version-check --only-binary :all: --constraint "$2" "$package" </dev/null ||
             echo "not here: $package could not be installed" >&2
     done <"$2"
     cp "$2" "$1/installed.txt"
