@@ -52,10 +52,10 @@ def row(times, title, part, peer, peer_part, calls, phase):
     if theirs is None:
         return f"| {title} | {phase} | {show(ours)} | not here | | | | |"
     call = times.get((peer, phase, "call"), (0.0, 0.0, 0.0))[1]
-    less = ours[1] / (theirs[1] - calls * call)
-    low = f"{ours[0] / theirs[0]:.2f}"
+    ratio = lambda value: f"{value:.2f}" if value > 0.1 else f"{value:.3f}"
+    low, middle, less = ratio(ours[0] / theirs[0]), ratio(ours[1] / theirs[1]), ratio(ours[1] / (theirs[1] - calls * call))
     cost = f"{calls} x {call:.2f}" if calls else "none"
-    return f"| {title} | {phase} | {show(ours)} | {show(theirs)} | {cost} | {low} | **{ours[1] / theirs[1]:.2f}** | {less:.2f} |"
+    return f"| {title} | {phase} | {show(ours)} | {show(theirs)} | {cost} | {low} | **{middle}** | {less} |"
 
 
 def main(path, document, *lines):
