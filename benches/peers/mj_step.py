@@ -6,11 +6,11 @@ DIR/PHASE.f64 (written by tick.rs) holds the motion of our character: platform a
 velocity, one row per tick of 1 ms. A computed-torque controller lets MuJoCo's character follow it once, and its
 torques are kept; the timed runs replay those torques, so that nothing but mj_step is timed. Two ways:
 
-  python   mj_step called from Python, each call timed (minimum, median, p99 in us); the call's overhead is included
-  rollout  mujoco.rollout: the loop over mj_step runs in C++ on one thread; only the mean over the run is known
+  mujoco       mj_step called from Python, each call timed; the part `call` is a call that does next to nothing
+  mujoco_loop  mujoco.rollout: the loop over mj_step runs in C++ on one thread; means over blocks of 50 steps
 
-One line per phase: phase python_min python_median python_p99 rollout_mean contacts offset_mm
-where offset_mm is how far the pelvis ended from the motion it followed: if it fell, the load is not the same.
+Lines `WHO PHASE PART min median p99`; on standard error how far the pelvis ended from the motion it followed: if it
+fell, the load is not the same, and the script fails.
 """
 
 import sys
@@ -20,7 +20,10 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
+import character
+
 STIFFNESS, DAMPING = 400.0, 40.0  # 1/s2, 1/s
+BLOCK = 50  # steps of one call of rollout
 FEET = [f"c{side}{i}" for side in "lr" for i in range(4)]
 
 
@@ -76,15 +79,24 @@ def time_calls(model, start, torques):
 
 
 def time_rollout(model, start, torques):
-    """Microseconds per mj_step in a loop in C++."""
+    """Microseconds per mj_step in a loop in C++: one mean for each block of BLOCK steps."""
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = start
     kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
     state = np.zeros(mujoco.mj_stateSize(model, kind))
-    mujoco.mj_getState(model, data, state, kind)
-    begin = time.perf_counter()
-    rollout.rollout(model, data, state[None], torques[None])
-    return (time.perf_counter() - begin) / len(torques) * 1e6
+    means = []
+    for block in np.split(torques[: len(torques) // BLOCK * BLOCK], len(torques) // BLOCK):
+        mujoco.mj_getState(model, data, state, kind)
+        warmstart = data.qacc_warmstart.copy()
+        begin = time.perf_counter()
+        rollout.rollout(model, data, state[None], block[None], initial_warmstart=warmstart[None])
+        means.append((time.perf_counter() - begin) / BLOCK * 1e6)
+    return means
+
+
+def time_nothing(model, count):
+    """Microseconds of a call of the library that only looks at its argument."""
+    return character.timed(lambda: mujoco.mj_isPyramidal(model), [()] * count)
 
 
 def main(model_path, folder, *phases):
@@ -94,10 +106,12 @@ def main(model_path, folder, *phases):
         motion, velocity = rows[:, : model.nq], rows[:, model.nq :]
         torques, offset, contacts = follow(model, motion, velocity)
         start = (motion[0], velocity[0])
-        calls = time_calls(model, start, torques)
-        mean = time_rollout(model, start, torques)
-        low, median, high = np.percentile(calls, [0, 50, 99])
-        print(f"{phase} {low:.2f} {median:.2f} {high:.2f} {mean:.2f} {contacts} {offset * 1e3:.2f}", flush=True)
+        character.report("mujoco", phase, "step", time_calls(model, start, torques))
+        character.report("mujoco", phase, "call", time_nothing(model, len(torques)))
+        character.report("mujoco_loop", phase, "step", time_rollout(model, start, torques))
+        print(f"mujoco: {phase}: {contacts} contacts, pelvis {offset * 1e3:.2f} mm off the motion", file=sys.stderr)
+        if not offset < 0.05:
+            sys.exit(f"mujoco: {phase}: it did not follow the motion, so the load is not the same")
 
 
 if __name__ == "__main__":

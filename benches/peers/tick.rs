@@ -1,7 +1,7 @@
 //! Our half of the comparison with other engines: times the whole tick of one character, sensors to body, through a
-//! spin, and writes its motion for the other engine to follow.
+//! spin, then the parts of it on the same states, and writes its motion for the other engines.
 //!
-//! Usage: `peers DIR`. Prints one line per phase: `phase min_us median_us p99_us`; writes `DIR/PHASE.f64`, one row of
+//! Usage: `peers DIR`. Prints lines `ours PHASE PART min median p99`, microseconds; writes `DIR/PHASE.f64`, one row of
 //! little-endian doubles per tick: platform angle, 42 configuration numbers, platform rate, 41 velocities.
 
 #![allow(missing_docs, clippy::unwrap_used)] // a benchmark may stop on bad input
@@ -20,6 +20,9 @@ use otolith::time::TICK_S;
 use otolith::units::RAD_S_PER_RPM;
 use otolith::vestibular::{HeadMotion, NewmanObserver};
 
+mod parts;
+use parts::Moment;
+
 /// Name, first and last tick of each phase of the default spin.
 const PHASES: [(&str, u64, u64); 3] =
     [("standing", 0, 2_000), ("spinning", 10_000, 12_000), ("swaying", 20_000, 22_000)];
@@ -37,39 +40,42 @@ fn main() {
     let Some(folder) = std::env::args().skip(1).find(|argument| !argument.starts_with('-')) else { return };
     let model = Arc::new(CharacterModel::standing().unwrap());
     let gravity = model.gravity;
-    let state = standing_pose(&model, &PoseSettings::default()).unwrap();
+    let standing = standing_pose(&model, &PoseSettings::default()).unwrap();
     let settings = Arc::new(CoreSettings::default());
     let observer = NewmanObserver::new(settings.observer).unwrap();
-    let mut figure = Figure::new(Vestibular::Trusted, settings, model, state, observer);
+    let mut figure = Figure::new(Vestibular::Trusted, settings, model.clone(), standing, observer);
     let mut turntable = Turntable::turning(TurntableSettings::default(), 0.0);
 
-    let mut times = Vec::new();
-    let mut rows = Vec::new();
+    let mut phases: Vec<Vec<Moment>> = PHASES.iter().map(|_| Vec::new()).collect();
+    let mut times: Vec<Vec<f64>> = PHASES.iter().map(|_| Vec::new()).collect();
     for k in 0..PHASES[PHASES.len() - 1].2 {
-        let phase = PHASES.iter().find(|(_, from, to)| (*from..*to).contains(&k));
+        let phase = PHASES.iter().position(|(_, from, to)| (*from..*to).contains(&k));
         let chair = chair(k);
         let platform = turntable.follow(Some(chair.omega_head.z), TICK_S);
-        if phase.is_some() {
-            let state = figure.state();
-            rows.push(platform.angle);
-            rows.extend(state.qpos());
-            rows.push(platform.rate);
-            rows.extend(state.velocity.iter());
-        }
+        let state = *figure.state();
         let started = Instant::now();
         let residual = ChairResidual::of(Some(&chair), &platform, &gravity);
-        std::hint::black_box(figure.step(&platform, &residual, None));
-        if phase.is_some() {
-            times.push(started.elapsed().as_nanos() as f64 * 1e-3);
+        let output = std::hint::black_box(figure.step(&platform, &residual, None));
+        let elapsed = parts::microseconds(started);
+        if let Some(phase) = phase {
+            times[phase].push(elapsed);
+            phases[phase].push(Moment { state, platform, gravity_platform: output.gravity_platform });
         }
         turntable.advance(&platform, TICK_S);
-        if let Some((name, ..)) = phase.filter(|(_, _, to)| k + 1 == *to) {
-            times.sort_unstable_by(f64::total_cmp);
-            let at = |share: f64| times[(share * (times.len() - 1) as f64) as usize];
-            println!("{name} {:.2} {:.2} {:.2}", at(0.0), at(0.5), at(0.99));
-            times.clear();
-            let bytes: Vec<u8> = rows.drain(..).flat_map(f64::to_le_bytes).collect();
-            std::fs::File::create(format!("{folder}/{name}.f64")).unwrap().write_all(&bytes).unwrap();
-        }
     }
+    for (((name, ..), moments), times) in PHASES.iter().zip(&phases).zip(times) {
+        parts::print(name, "tick", times);
+        parts::time(name, &model, standing, moments);
+        write(&format!("{folder}/{name}.f64"), moments);
+    }
+}
+
+fn write(path: &str, moments: &[Moment]) {
+    let mut bytes = Vec::new();
+    for Moment { state, platform, .. } in moments {
+        let configuration = std::iter::once(platform.angle).chain(state.qpos());
+        let velocity = std::iter::once(platform.rate).chain(state.velocity.iter().copied());
+        bytes.extend(configuration.chain(velocity).flat_map(f64::to_le_bytes));
+    }
+    std::fs::File::create(path).unwrap().write_all(&bytes).unwrap();
 }
