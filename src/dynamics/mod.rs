@@ -11,6 +11,7 @@ use crate::character::{CONTACTS, CharacterModel, CharacterState, DOF, GenVec, Jo
 mod bias;
 mod contact;
 mod contact_solver;
+mod dense;
 mod engine;
 mod factor;
 mod ground;
@@ -25,7 +26,7 @@ mod tests;
 pub use bias::VelocityForces;
 pub use contact::{ContactMemory, ContactSettings, PointContact};
 pub use contact_solver::ContactMethod;
-pub(crate) use contact_solver::cholesky_solve;
+pub(crate) use dense::{add_scaled, cholesky_solve, dot};
 pub use engine::Engine;
 pub use factor::TreeFactor;
 pub use ground::GroundSurface;
