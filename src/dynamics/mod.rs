@@ -96,7 +96,8 @@ pub trait Dynamics {
 
     /// `tau = M qdd + C(q, q̇) + G(q)`, no contact.
     fn inverse_dynamics(&self, qdd: &GenVec, gravity: &Vector3<f64>) -> GenVec {
-        bias::inverse_dynamics(self.model(), self.kinematics(), self.inertias(), qdd, gravity)
+        let (model, kinematics, inertias) = (self.model(), self.kinematics(), self.inertias());
+        bias::inverse_dynamics(model, kinematics, inertias, self.velocity_forces(), qdd, gravity)
     }
 
     /// What a gyroscope and an accelerometer at the vestibular organ read for the acceleration `qdd`, head axes.
