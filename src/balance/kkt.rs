@@ -12,8 +12,8 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::BalanceSettings;
-use crate::character::{Foot, GenVec, JOINTS, JointVec};
-use crate::dynamics::{Dynamics, cholesky_solve};
+use crate::character::{DOF, Foot, GenVec, JointVec};
+use crate::dynamics::{Dynamics, add_scaled, cholesky_solve, dot};
 
 /// Rows of the static-contact constraint: angular and linear acceleration of two feet.
 pub(super) const ROWS: usize = 12;
@@ -34,24 +34,32 @@ pub(super) struct Targets {
 }
 
 /// Accelerations that follow `targets` as well as the static contacts allow.
+#[inline(never)] // a stage of its own in a profile
 pub(super) fn solve<D: Dynamics>(body: &D, targets: &Targets, settings: &BalanceSettings) -> GenVec {
     let system = System::build(body, targets);
-    let inverse_weights =
-        [1.0 / settings.linear_weight, 1.0 / settings.angular_weight, 1.0 / settings.posture_weight];
-    let mut correction = system.residual(targets);
+    let inverse_weights = inverse_weights(settings);
+    let mut wanted = system.wanted(targets);
+    let mut correction = system.residual(&wanted);
     let mut matrix = system.weighted_square(&inverse_weights);
-    cholesky_solve(&mut matrix, &mut correction, ROWS);
-    system.accelerations(body, targets, &inverse_weights, &correction)
+    cholesky_solve(&mut matrix, &mut correction);
+    for ((z, weight), column) in wanted.iter_mut().zip(&inverse_weights).zip(&system.columns) {
+        *z += weight * dot(column, &correction);
+    }
+    system.accelerations(body, &wanted)
 }
 
-/// The constraint matrix B, column by column, and what is needed to come back to accelerations.
+/// W⁻¹: one number for each entry of z.
+fn inverse_weights(settings: &BalanceSettings) -> [f64; DOF] {
+    let mut inverse = [1.0 / settings.posture_weight; DOF];
+    inverse[..3].fill(1.0 / settings.linear_weight);
+    inverse[3..6].fill(1.0 / settings.angular_weight);
+    inverse
+}
+
+/// The constraint matrix B and what is needed to come back to accelerations.
 struct System {
-    /// Columns of the linear momentum rate.
-    linear: [[f64; ROWS]; 3],
-    /// Columns of the angular momentum rate.
-    angular: [[f64; ROWS]; 3],
-    /// Columns of the hinges.
-    joints: [[f64; ROWS]; JOINTS],
+    /// B column by column: linear and angular momentum rate, then the hinges.
+    columns: [[f64; ROWS]; DOF],
     /// Right-hand side r minus the velocity-product part of the root.
     right: [f64; ROWS],
     inverse_inertia: Matrix3<f64>,
@@ -75,13 +83,14 @@ impl System {
         // A unit momentum rate (l, k) moves the root as a rigid body: angular I⁻¹ k, linear at the centre l / m.
         let column =
             |l: &Vector3<f64>, k: &Vector3<f64>| rigid_column(&(inverse_inertia * k), &(l / mass), &arms);
-        let linear = std::array::from_fn(|i| column(&Vector3::ith(i, 1.0), &Vector3::zeros()));
-        let angular = std::array::from_fn(|i| column(&Vector3::zeros(), &Vector3::ith(i, 1.0)));
-
         // A hinge moves its own limb; with the momentum held, the whole body recoils as a rigid one.
-        let mut joints: [[f64; ROWS]; JOINTS] = std::array::from_fn(|j| {
-            let (l, k) = inertias.centroidal_column(6 + j, &com_offset);
-            column(&-l, &-k)
+        let mut columns: [[f64; ROWS]; DOF] = std::array::from_fn(|i| match i {
+            0..3 => column(&Vector3::ith(i, 1.0), &Vector3::zeros()),
+            3..6 => column(&Vector3::zeros(), &Vector3::ith(i - 3, 1.0)),
+            _ => {
+                let (l, k) = inertias.centroidal_column(i, &com_offset);
+                column(&-l, &-k)
+            }
         });
         for foot in Foot::BOTH {
             let index = foot as usize;
@@ -89,8 +98,8 @@ impl System {
                 let axis = &kinematics.axis[dof];
                 let at_foot = axis.at(&feet[index]);
                 for r in 0..3 {
-                    joints[dof - 6][6 * index + r] += axis.angular[r];
-                    joints[dof - 6][6 * index + 3 + r] += at_foot[r];
+                    columns[dof][6 * index + r] += axis.angular[r];
+                    columns[dof][6 * index + 3 + r] += at_foot[r];
                 }
             }
         }
@@ -101,65 +110,57 @@ impl System {
             right[6 * foot..6 * foot + 3].copy_from_slice(a.as_slice());
             right[6 * foot + 3..6 * foot + 6].copy_from_slice(l.as_slice());
         }
-        Self { linear, angular, joints, right, inverse_inertia, com_offset, mass, bias }
+        Self { columns, right, inverse_inertia, com_offset, mass, bias }
+    }
+
+    /// z0: the targets, momentum rates without what velocities alone contribute.
+    fn wanted(&self, targets: &Targets) -> [f64; DOF] {
+        let mut wanted = [0.0; DOF];
+        wanted[..3].copy_from_slice((targets.linear_rate - self.bias.0).as_slice());
+        wanted[3..6].copy_from_slice((targets.angular_rate - self.bias.1).as_slice());
+        wanted[6..].copy_from_slice(targets.joints.as_slice());
+        wanted
     }
 
     /// `r - B z0`.
-    fn residual(&self, targets: &Targets) -> [f64; ROWS] {
-        let l = targets.linear_rate - self.bias.0;
-        let k = targets.angular_rate - self.bias.1;
+    fn residual(&self, wanted: &[f64; DOF]) -> [f64; ROWS] {
         let mut residual = self.right;
-        let parts = self.linear.iter().zip(l.iter()).chain(self.angular.iter().zip(k.iter()));
-        for (column, value) in parts.chain(self.joints.iter().zip(targets.joints.iter())) {
-            for (r, entry) in residual.iter_mut().zip(column) {
-                *r -= entry * value;
-            }
+        for (column, value) in self.columns.iter().zip(wanted) {
+            add_scaled(&mut residual, -value, column);
         }
         residual
     }
 
-    /// `B W⁻¹ Bᵀ + ε`, upper triangle.
-    fn weighted_square(&self, inverse_weights: &[f64; 3]) -> [[f64; ROWS]; ROWS] {
-        let mut square = [[0.0; ROWS]; ROWS];
-        for (columns, weight) in
-            [&self.linear[..], &self.angular[..], &self.joints[..]].into_iter().zip(inverse_weights)
-        {
-            for column in columns {
-                for (i, row) in square.iter_mut().enumerate() {
-                    let scaled = weight * column[i];
-                    for (entry, other) in row[i..].iter_mut().zip(&column[i..]) {
-                        *entry += scaled * other;
-                    }
+    /// `B W⁻¹ Bᵀ + ε`, upper triangle and the rest of the diagonal blocks.
+    fn weighted_square(&self, inverse_weights: &[f64; DOF]) -> [[f64; ROWS]; ROWS] {
+        // Row by row, so that a sum stays in registers through all columns; the right foot's rows leave out the block
+        // that mirrors the left foot's.
+        let mut square: [[f64; ROWS]; ROWS] = std::array::from_fn(|i| {
+            let mut row = [0.0; ROWS];
+            for (column, weight) in self.columns.iter().zip(inverse_weights) {
+                let scaled = weight * column[i];
+                if i < ROWS / 2 {
+                    add_scaled(&mut row, scaled, column);
+                } else {
+                    add_scaled(&mut row[ROWS / 2..], scaled, &column[ROWS / 2..]);
                 }
             }
-        }
+            row
+        });
         for (i, row) in square.iter_mut().enumerate() {
             row[i] += REGULARISATION;
         }
         square
     }
 
-    fn accelerations<D: Dynamics>(
-        &self,
-        body: &D,
-        targets: &Targets,
-        inverse_weights: &[f64; 3],
-        correction: &[f64; ROWS],
-    ) -> GenVec {
-        let dot = |column: &[f64; ROWS]| column.iter().zip(correction).map(|(a, b)| a * b).sum::<f64>();
-        let mut l = targets.linear_rate - self.bias.0;
-        let mut k = targets.angular_rate - self.bias.1;
-        for i in 0..3 {
-            l[i] += inverse_weights[0] * dot(&self.linear[i]);
-            k[i] += inverse_weights[1] * dot(&self.angular[i]);
-        }
-        let mut qdd = GenVec::zeros();
-        for j in 0..JOINTS {
-            let value = targets.joints[j] + inverse_weights[2] * dot(&self.joints[j]);
-            qdd[6 + j] = value;
-            let (lj, kj) = body.inertias().centroidal_column(6 + j, &self.com_offset);
-            l -= value * lj;
-            k -= value * kj;
+    /// Generalised accelerations of z.
+    fn accelerations<D: Dynamics>(&self, body: &D, z: &[f64; DOF]) -> GenVec {
+        let (mut l, mut k) = (Vector3::new(z[0], z[1], z[2]), Vector3::new(z[3], z[4], z[5]));
+        let mut qdd = GenVec::from_column_slice(z);
+        for (dof, value) in z.iter().enumerate().skip(6) {
+            let (lj, kj) = body.inertias().centroidal_column(dof, &self.com_offset);
+            l -= *value * lj;
+            k -= *value * kj;
         }
         let omega_rate = self.inverse_inertia * k;
         let linear = l / self.mass - omega_rate.cross(&self.com_offset);

@@ -122,9 +122,7 @@ impl MomentumController {
         qdd: &GenVec,
     ) -> Control {
         let (model, kinematics) = (body.model(), body.kinematics());
-        let tau = body.inertias().mass_matrix.times(model, qdd)
-            + body.velocity_forces().generalised
-            + body.gravity_forces(gravity);
+        let tau = body.inverse_dynamics(qdd, gravity);
         let moment = kinematics.rot_world_body[0] * tau.fixed_rows::<3>(3);
         let wrench = SVector::<f64, 6>::new(tau[0], tau[1], tau[2], moment.x, moment.y, moment.z);
         let points: [Vector3<f64>; CONTACTS] = std::array::from_fn(|i| {
@@ -147,8 +145,8 @@ impl MomentumController {
             }
         }
         let limit = s.torque_limit;
-        let saturated_joints = torques.iter().filter(|t| t.abs() > limit).count().min(255) as u8;
-        torques.apply(|t| *t = t.clamp(-limit, limit));
+        let saturated_joints = torques.as_slice().iter().filter(|t| t.abs() > limit).count().min(255) as u8;
+        torques.as_mut_slice().iter_mut().for_each(|t| *t = t.clamp(-limit, limit));
         let report = ControlReport { constraint_residual: support.unsupplied.norm(), saturated_joints };
         Control { torques, report }
     }

@@ -103,6 +103,7 @@ fn distance_to_edge(a: &Vector2<f64>, b: &Vector2<f64>, point: &Vector2<f64>) ->
 ///
 /// A believed gravity that points up or nearly along the ground is projected as if it stood a tenth (cosine)
 /// upright: by then the character has fallen, and the numbers must stay finite.
+#[inline(never)] // a stage of its own in a profile
 pub fn perceive<D: Dynamics>(
     body: &D,
     ground: &GroundSurface,

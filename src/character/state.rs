@@ -40,7 +40,8 @@ impl CharacterState {
 
     /// True when every number is finite.
     pub fn is_finite(&self) -> bool {
-        self.qpos().iter().chain(self.velocity.iter()).all(|value| value.is_finite())
+        let finite = |numbers: &[f64]| numbers.iter().all(|value| value.is_finite());
+        finite(&self.qpos()) && finite(self.velocity.as_slice())
     }
 
     /// Gives the character the velocity of a rigid body turning at `rate` rad/s about the world's vertical axis.

@@ -28,53 +28,55 @@ pub(super) fn velocity_forces(
     kinematics: &Kinematics,
     inertias: &Inertias,
 ) -> VelocityForces {
-    let (generalised, momentum_rate) =
-        backward_pass(model, kinematics, inertias, &kinematics.bias_acceleration);
+    let wrench = std::array::from_fn(|i| {
+        let (inertia, velocity) = (&inertias.body[i], &kinematics.velocity[i]);
+        let mut wrench = inertia.apply(&kinematics.bias_acceleration[i]);
+        wrench += velocity.cross_wrench(&inertia.apply(velocity));
+        wrench
+    });
+    let (generalised, momentum_rate) = project(model, kinematics, wrench);
     VelocityForces { generalised, momentum_rate }
 }
 
 /// Inverse dynamics: `tau = M qdd + C(q, q̇) + G(q)` for the stated acceleration, armature included, no contact.
+///
+/// One pass without velocities on top of the `forces` that belong to them.
 pub(super) fn inverse_dynamics(
     model: &CharacterModel,
     kinematics: &Kinematics,
     inertias: &Inertias,
+    forces: &VelocityForces,
     qdd: &GenVec,
     gravity: &Vector3<f64>,
 ) -> GenVec {
-    let bias = &kinematics.bias_acceleration;
     let mut acceleration = [Motion::default(); BODIES];
     for (i, body) in model.bodies.iter().enumerate() {
         let mut a = if i == 0 {
             // Uniform gravity is an upward acceleration of the whole frame.
-            Motion { angular: bias[0].angular, linear: bias[0].linear - gravity }
+            Motion { angular: Vector3::zeros(), linear: -gravity }
         } else {
-            acceleration[body.parent].plus_scaled(1.0, &bias[i]).plus_scaled(-1.0, &bias[body.parent])
+            acceleration[body.parent]
         };
         for dof in body.first_dof..body.first_dof + body.dofs {
             a = a.plus_scaled(qdd[dof], &kinematics.axis[dof]);
         }
         acceleration[i] = a;
     }
-    let (mut tau, _) = backward_pass(model, kinematics, inertias, &acceleration);
+    let wrench = std::array::from_fn(|i| inertias.body[i].apply(&acceleration[i]));
+    let (mut tau, _) = project(model, kinematics, wrench);
+    tau += forces.generalised;
     for (j, joint) in model.joints.iter().enumerate() {
         tau[6 + j] += joint.armature * qdd[6 + j];
     }
     tau
 }
 
-fn backward_pass(
+/// Generalised forces that hold one wrench per body, and the sum of the wrenches.
+fn project(
     model: &CharacterModel,
     kinematics: &Kinematics,
-    inertias: &Inertias,
-    acceleration: &[Motion; BODIES],
+    mut wrench: [Wrench; BODIES],
 ) -> (GenVec, Wrench) {
-    let mut wrench = [Wrench::default(); BODIES];
-    for i in 0..BODIES {
-        let inertia = &inertias.body[i];
-        let velocity = &kinematics.velocity[i];
-        wrench[i] = inertia.apply(&acceleration[i]);
-        wrench[i] += velocity.cross_wrench(&inertia.apply(velocity));
-    }
     for i in (1..BODIES).rev() {
         let carried = wrench[i];
         wrench[model.bodies[i].parent] += carried;

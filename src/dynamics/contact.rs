@@ -1,20 +1,18 @@
 //! Contact of the eight foot points with the ground, at velocity level: setting up the problem and applying its result.
 //!
-//! Each active point gets three rows (two tangents, normal) of `A λ + b`: the velocity relative to the ground after
-//! the step for the impulses λ. `A = J M⁻¹ Jᵀ` is built from one 6 x 6 block per pair of feet, since all points of a
-//! foot move with one spatial velocity.
+//! Each active point gets three rows (two tangents, normal): the velocity relative to the ground after the step. All
+//! points of a foot move with one spatial velocity, so the body comes in only through the mobility `J M⁻¹ Jᵀ` of the
+//! two feet.
 
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
-use super::contact_solver::{ContactProblem, POINT_ROWS};
+use super::contact_solver::{ContactProblem, FOOT_ROWS, PointRows};
+use super::dense::{add_scaled, dot};
 use super::factor::TreeFactor;
 use super::ground::GroundSurface;
 use super::kinematics::Kinematics;
 use super::spatial::Motion;
 use crate::character::{CONTACTS, CharacterModel, FOOT_CHAIN, Foot, GenVec};
-
-type Matrix6 = SMatrix<f64, 6, 6>;
-type Matrix3x6 = SMatrix<f64, 3, 6>;
 
 /// Settings of the contact model. Defaults: the proven set of `spec/contact-closed-loop.md`.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -77,11 +75,9 @@ impl Default for ContactMemory {
 #[derive(Clone, Debug)]
 pub(super) struct ContactStage {
     /// `L⁻ᵀ Jᵀ` of each foot's spatial velocity: `(FOOT_CHAIN x 6)`.
-    half: [[[f64; 6]; FOOT_CHAIN]; 2],
-    /// `J M⁻¹ Jᵀ` of the feet's spatial velocities: blocks left-left, left-right, right-right.
-    blocks: [Matrix6; 3],
-    /// Rows of each point: contact-axes velocity from the foot's spatial velocity (angular, linear).
-    rows: [Matrix3x6; CONTACTS],
+    half: [[[f64; FOOT_ROWS]; FOOT_CHAIN]; 2],
+    /// World to contact axes.
+    axes: Matrix3<f64>,
     /// Lowest point of each sphere relative to the reference point, m.
     offset: [Vector3<f64>; CONTACTS],
     /// The problem handed to the solver.
@@ -91,9 +87,8 @@ pub(super) struct ContactStage {
 impl Default for ContactStage {
     fn default() -> Self {
         Self {
-            half: [[[0.0; 6]; FOOT_CHAIN]; 2],
-            blocks: [Matrix6::zeros(); 3],
-            rows: [Matrix3x6::zeros(); CONTACTS],
+            half: [[[0.0; FOOT_ROWS]; FOOT_CHAIN]; 2],
+            axes: Matrix3::identity(),
             offset: [Vector3::zeros(); CONTACTS],
             problem: ContactProblem::default(),
         }
@@ -105,6 +100,7 @@ impl ContactStage {
     ///
     /// `half_increment` is `D⁻¹ L⁻ᵀ` of the contact-free momentum change, so that `v⁺ = v + L⁻¹ half_increment`
     /// without contacts; `velocity` is v.
+    #[inline(never)] // a stage of its own in a profile
     #[allow(clippy::too_many_arguments)] // one call site; a struct would only rename the arguments
     pub(super) fn assemble(
         &mut self,
@@ -117,18 +113,25 @@ impl ContactStage {
         half_increment: &GenVec,
         dt_s: f64,
     ) {
-        self.foot_blocks(model, kinematics, factor);
+        self.feet_mobility(model, kinematics, factor);
         let axes = ground.contact_axes();
-        let mut feet_velocity = [Motion::default(); 2];
+        self.axes = axes;
+        let surface = Motion {
+            angular: ground.angular_velocity + dt_s * ground.angular_acceleration,
+            linear: ground.velocity_after(&kinematics.origin, dt_s),
+        };
         for foot in Foot::BOTH {
-            feet_velocity[foot as usize] = self.free_velocity(model, kinematics, foot, half_increment);
+            let free = self.free_velocity(model, kinematics, foot, half_increment);
+            let relative = free.plus_scaled(-1.0, &surface);
+            let of_foot = &mut self.problem.feet_before[FOOT_ROWS * foot as usize..][..FOOT_ROWS];
+            of_foot[..3].copy_from_slice(relative.angular.as_slice());
+            of_foot[3..].copy_from_slice(relative.linear.as_slice());
         }
         // A point may close the gap by the fastest approach expected in one step: 1 m/s.
         let margin = settings.margin.max(dt_s);
         let problem = &mut self.problem;
         problem.active = [false; CONTACTS];
         for i in 0..CONTACTS {
-            let foot = Foot::of_contact(i);
             let offset = kinematics.contact_offset(model, i) - model.contacts[i].radius * ground.normal;
             let world = kinematics.origin + offset;
             self.offset[i] = offset;
@@ -137,26 +140,25 @@ impl ContactStage {
                 continue;
             }
             problem.active[i] = true;
-            self.rows[i] = point_rows(&axes, &offset);
-            let free = feet_velocity[foot as usize].at(&offset) - ground.velocity_after(&world, dt_s);
-            let mut b = axes * free;
-            b.z += if gap >= 0.0 {
+            problem.rows[i] = point_rows(&axes, &offset);
+            problem.soften(i, settings.relative_compliance);
+            let mut b = Vector3::zeros();
+            b.z = if gap >= 0.0 {
                 gap / dt_s
             } else {
                 -(-gap * settings.error_reduction / dt_s).min(settings.push_out_limit)
             };
             if let Some(anchor) = memory.anchor[i] {
                 let drift = axes * (world - ground.rot_world_surface * anchor);
-                b.x += settings.anchor_gain * drift.x / dt_s;
-                b.y += settings.anchor_gain * drift.y / dt_s;
+                b.x = settings.anchor_gain * drift.x / dt_s;
+                b.y = settings.anchor_gain * drift.y / dt_s;
             }
-            problem.offset_velocity[i] = b;
+            problem.correction[i] = b;
         }
         problem.friction = ground.friction;
-        self.fill_matrix(settings.relative_compliance);
     }
 
-    fn foot_blocks(&mut self, model: &CharacterModel, kinematics: &Kinematics, factor: &TreeFactor) {
+    fn feet_mobility(&mut self, model: &CharacterModel, kinematics: &Kinematics, factor: &TreeFactor) {
         for foot in Foot::BOTH {
             let chain = model.body_chain(model.feet[foot as usize]);
             let half = &mut self.half[foot as usize];
@@ -174,17 +176,21 @@ impl ContactStage {
             factor.half_solve_chain(model, chain, half);
         }
         let chains = model.feet.map(|foot| model.body_chain(foot));
-        for (block, (a, b)) in self.blocks.iter_mut().zip([(0, 0), (0, 1), (1, 1)]) {
-            block.fill(0.0);
+        let mobility = &mut self.problem.mobility;
+        for (a, b) in [(0, 0), (0, 1), (1, 1)] {
+            let mut block = [[0.0; FOOT_ROWS]; FOOT_ROWS];
             // Two legs share the root's degrees of freedom only.
             let common = chains[a].iter().zip(chains[b]).take_while(|(p, q)| p == q);
             for ((dof, _), (ya, yb)) in common.zip(self.half[a].iter().zip(&self.half[b])) {
                 let weight = factor.inverse_diagonal[*dof];
-                for (column, other) in yb.iter().enumerate() {
-                    let scaled = weight * other;
-                    for (row, entry) in ya.iter().enumerate() {
-                        block[(row, column)] += entry * scaled;
-                    }
+                for (row, entry) in block.iter_mut().zip(ya) {
+                    add_scaled(row, weight * entry, yb);
+                }
+            }
+            for (r, row) in block.iter().enumerate() {
+                for (c, entry) in row.iter().enumerate() {
+                    mobility[FOOT_ROWS * a + r][FOOT_ROWS * b + c] = *entry;
+                    mobility[FOOT_ROWS * b + c][FOOT_ROWS * a + r] = *entry;
                 }
             }
         }
@@ -201,9 +207,7 @@ impl ContactStage {
         let body = model.feet[foot as usize];
         let mut sum = [0.0; 6];
         for (row, &dof) in self.half[foot as usize].iter().zip(model.body_chain(body)) {
-            for (total, entry) in sum.iter_mut().zip(row) {
-                *total += entry * half_increment[dof];
-            }
+            add_scaled(&mut sum, half_increment[dof], row);
         }
         let increment = Motion {
             angular: Vector3::new(sum[0], sum[1], sum[2]),
@@ -212,37 +216,18 @@ impl ContactStage {
         kinematics.velocity[body].plus_scaled(1.0, &increment)
     }
 
-    fn fill_matrix(&mut self, relative_compliance: f64) {
-        let problem = &mut self.problem;
-        let active = problem.active;
-        for i in (0..CONTACTS).filter(|i| active[*i]) {
-            let foot_i = Foot::of_contact(i) as usize;
-            // j <= i, so the feet come in the order (0,0), (1,0) or (1,1); block 1 is left-right.
-            let with_left = if foot_i == 0 {
-                self.rows[i] * self.blocks[0]
-            } else {
-                self.rows[i] * self.blocks[1].transpose()
-            };
-            let with_right = self.rows[i] * self.blocks[2];
-            for j in (0..=i).filter(|j| active[*j]) {
-                let product = if Foot::of_contact(j) == Foot::Left { &with_left } else { &with_right };
-                problem.set_block(i, j, &(product * self.rows[j].transpose()));
-            }
-        }
-        problem.soften(relative_compliance);
-    }
-
     /// Adds `D⁻¹ L⁻ᵀ Jᵀ λ` of the solved impulses to `half_increment`.
     pub(super) fn apply(&self, model: &CharacterModel, factor: &TreeFactor, half_increment: &mut GenVec) {
         for foot in Foot::BOTH {
-            let mut wrench = SMatrix::<f64, 6, 1>::zeros();
+            let mut wrench = [0.0; FOOT_ROWS];
             for i in (0..CONTACTS).filter(|i| self.problem.active[*i] && Foot::of_contact(*i) == foot) {
-                wrench += self.rows[i].transpose() * self.problem.impulse[i];
+                for (row, impulse) in self.problem.rows[i].iter().zip(self.problem.impulse[i].iter()) {
+                    add_scaled(&mut wrench, *impulse, row);
+                }
             }
             let chain = model.body_chain(model.feet[foot as usize]);
             for (row, &dof) in self.half[foot as usize].iter().zip(chain) {
-                let sum: f64 = row.iter().zip(wrench.iter()).map(|(y, w)| y * w).sum();
-                half_increment[dof] += factor.inverse_diagonal[dof] * sum;
+                half_increment[dof] += factor.inverse_diagonal[dof] * dot(row, &wrench);
             }
         }
     }
@@ -255,15 +240,15 @@ impl ContactStage {
         memory: &mut ContactMemory,
         dt_s: f64,
     ) -> [PointContact; CONTACTS] {
-        let axes = ground.contact_axes();
+        let to_world = self.axes.transpose();
         let mut points = [PointContact::default(); CONTACTS];
         for (i, point) in points.iter_mut().enumerate() {
             let position = kinematics.origin + self.offset[i];
             let active = self.problem.active[i];
             let impulse = if active { self.problem.impulse[i] } else { Vector3::zeros() };
             memory.impulse[i] = impulse;
-            *point = PointContact { force: axes.transpose() * impulse / dt_s, position, active };
-            let tangential = libm::hypot(impulse.x, impulse.y);
+            *point = PointContact { force: to_world * impulse / dt_s, position, active };
+            let tangential = impulse.xy().norm();
             // Anchors turn with the surface, but nothing carries them along with a belt.
             let sticking = ground.velocity == Vector3::zeros()
                 && active
@@ -280,12 +265,11 @@ impl ContactStage {
 }
 
 /// Rows that give the contact-axes velocity of the point at `offset` from a foot's spatial velocity.
-fn point_rows(axes: &Matrix3<f64>, offset: &Vector3<f64>) -> Matrix3x6 {
-    let mut rows = Matrix3x6::zeros();
-    // v = linear + angular x offset = linear - [offset]x angular
-    rows.fixed_view_mut::<3, 3>(0, 0).copy_from(&(-(axes * offset.cross_matrix())));
-    rows.fixed_view_mut::<3, 3>(0, 3).copy_from(axes);
-    rows
+fn point_rows(axes: &Matrix3<f64>, offset: &Vector3<f64>) -> PointRows {
+    std::array::from_fn(|r| {
+        let axis = axes.row(r).transpose();
+        // axis · (linear + angular x offset) = axis · linear + (offset x axis) · angular
+        let arm = offset.cross(&axis);
+        [arm.x, arm.y, arm.z, axis.x, axis.y, axis.z]
+    })
 }
-
-const _: () = assert!(POINT_ROWS == 3);

@@ -45,9 +45,7 @@ impl TreeFactor {
             for p in (0..own).rev() {
                 let scaled = row[p] * inverse;
                 let ancestor = &mut above[model.chain[k][p]];
-                for (target, entry) in ancestor[..=p].iter_mut().zip(&row[..=p]) {
-                    *target -= scaled * entry;
-                }
+                subtract_leading(ancestor, scaled, row, p + 1);
             }
             for entry in &mut row[..own] {
                 *entry *= inverse;
@@ -63,6 +61,7 @@ impl TreeFactor {
 
     /// `x <- L⁻ᵀ x`: the first half of a solve, from the leaves to the root.
     pub fn half_solve(&self, model: &CharacterModel, x: &mut GenVec) {
+        let x = x.as_mut_slice();
         for k in (0..DOF).rev() {
             let xk = x[k];
             let row = self.lower_row(model, k);
@@ -74,6 +73,7 @@ impl TreeFactor {
 
     /// `x <- L⁻¹ x`: the last part of a solve, from the root to the leaves.
     pub fn forward_solve(&self, model: &CharacterModel, x: &mut GenVec) {
+        let x = x.as_mut_slice();
         for k in 0..DOF {
             let row = self.lower_row(model, k);
             let mut sum = x[k];
@@ -110,3 +110,20 @@ impl TreeFactor {
         }
     }
 }
+
+/// `x -= scale y` for at least the first `count` entries.
+///
+/// It goes on to a multiple of [`STRIDE`]: strides of fixed length unroll, and past its diagonal a row holds nothing.
+#[inline]
+fn subtract_leading(x: &mut [f64; MAX_CHAIN], scale: f64, y: &[f64; MAX_CHAIN], count: usize) {
+    let (x, y) = (x.as_chunks_mut::<STRIDE>().0, y.as_chunks::<STRIDE>().0);
+    for (x, y) in x.iter_mut().zip(y).take(count.div_ceil(STRIDE)) {
+        for (x, y) in x.iter_mut().zip(y) {
+            *x -= scale * y;
+        }
+    }
+}
+
+/// Entries of a row that are combined at a time.
+const STRIDE: usize = 4;
+const _: () = assert!(MAX_CHAIN.is_multiple_of(STRIDE));

@@ -84,15 +84,19 @@ impl Inertias {
             let inertia = self.composite[i];
             self.composite[model.bodies[i].parent] += inertia;
         }
+        let to_root = kinematics.rot_world_body[0].transpose();
         for dof in 0..DOF {
             let momentum = self.composite[model.dof_body[dof]].apply(&kinematics.axis[dof]);
             self.momentum[dof] = momentum;
-            let len = model.chain_len[dof];
-            let row = &mut self.mass_matrix.rows[dof][..len];
-            for (entry, &ancestor) in row.iter_mut().zip(&model.chain[dof][..len]) {
-                *entry = kinematics.axis[ancestor].dot(&momentum);
-            }
+            let row = &mut self.mass_matrix.rows[dof];
+            // The root's axes at its own origin are those of the world (linear) and of the body (angular).
+            row[..3].copy_from_slice(momentum.force.as_slice());
+            row[3..6].copy_from_slice((to_root * momentum.moment).as_slice());
             if dof >= 6 {
+                let len = model.chain_len[dof];
+                for (entry, &ancestor) in row[6..len].iter_mut().zip(&model.chain[dof][6..len]) {
+                    *entry = kinematics.axis[ancestor].dot(&momentum);
+                }
                 row[len - 1] += model.joints[dof - 6].armature;
             }
         }

@@ -55,7 +55,9 @@ impl Kinematics {
             let mut bias = self.bias_acceleration[body.parent];
             for dof in body.first_dof..body.first_dof + body.dofs {
                 let joint = &model.joints[dof - 6];
-                let anchor = position + rot * joint.anchor;
+                // Most hinges turn about the body's own origin, which then stays where it is.
+                let has_arm = joint.anchor != Vector3::zeros();
+                let anchor = if has_arm { position + rot * joint.anchor } else { position };
                 let axis = rot * joint.axis;
                 let motion = Motion { angular: axis, linear: anchor.cross(&axis) };
                 let rate = velocity.cross(&motion);
@@ -65,7 +67,7 @@ impl Kinematics {
                 self.axis[dof] = motion;
                 self.axis_rate[dof] = rate;
                 rot = turned(&rot, &joint.axis, state.joint_angles[dof - 6]);
-                position = anchor - rot * joint.anchor;
+                position = if has_arm { anchor - rot * joint.anchor } else { anchor };
             }
             self.rot_world_body[index] = rot;
             self.position[index] = position;
@@ -149,15 +151,26 @@ impl Kinematics {
 fn turned(rot: &Matrix3<f64>, axis: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
     let (s, c) = libm::sincos(angle);
     // Hinges along a body axis mix two columns only; that is every hinge of the shipped character.
-    for (i, j, k) in [(0, 1, 2), (1, 2, 0), (2, 0, 1)] {
-        if axis[i] == 1.0 {
-            let (y, z) = (rot.column(j).into_owned(), rot.column(k).into_owned());
-            let mut out = *rot;
-            out.set_column(j, &(c * y + s * z));
-            out.set_column(k, &(c * z - s * y));
-            return out;
-        }
+    if axis.x == 1.0 {
+        mixed::<1, 2>(rot, s, c)
+    } else if axis.y == 1.0 {
+        mixed::<2, 0>(rot, s, c)
+    } else if axis.z == 1.0 {
+        mixed::<0, 1>(rot, s, c)
+    } else {
+        let k = axis.cross_matrix();
+        rot * (Matrix3::identity() + s * k + (1.0 - c) * (k * k))
     }
-    let k = axis.cross_matrix();
-    rot * (Matrix3::identity() + s * k + (1.0 - c) * (k * k))
+}
+
+/// `rot` with columns J and K turned into one another by the angle of sine `s` and cosine `c`.
+#[inline]
+fn mixed<const J: usize, const K: usize>(rot: &Matrix3<f64>, s: f64, c: f64) -> Matrix3<f64> {
+    let mut out = *rot;
+    for row in 0..3 {
+        let (y, z) = (rot[(row, J)], rot[(row, K)]);
+        out[(row, J)] = c * y + s * z;
+        out[(row, K)] = c * z - s * y;
+    }
+    out
 }

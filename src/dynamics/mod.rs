@@ -11,6 +11,7 @@ use crate::character::{CONTACTS, CharacterModel, CharacterState, DOF, GenVec, Jo
 mod bias;
 mod contact;
 mod contact_solver;
+mod dense;
 mod engine;
 mod factor;
 mod ground;
@@ -25,7 +26,7 @@ mod tests;
 pub use bias::VelocityForces;
 pub use contact::{ContactMemory, ContactSettings, PointContact};
 pub use contact_solver::ContactMethod;
-pub(crate) use contact_solver::cholesky_solve;
+pub(crate) use dense::{add_scaled, cholesky_solve, dot};
 pub use engine::Engine;
 pub use factor::TreeFactor;
 pub use ground::GroundSurface;
@@ -95,7 +96,8 @@ pub trait Dynamics {
 
     /// `tau = M qdd + C(q, q̇) + G(q)`, no contact.
     fn inverse_dynamics(&self, qdd: &GenVec, gravity: &Vector3<f64>) -> GenVec {
-        bias::inverse_dynamics(self.model(), self.kinematics(), self.inertias(), qdd, gravity)
+        let (model, kinematics, inertias) = (self.model(), self.kinematics(), self.inertias());
+        bias::inverse_dynamics(model, kinematics, inertias, self.velocity_forces(), qdd, gravity)
     }
 
     /// What a gyroscope and an accelerometer at the vestibular organ read for the acceleration `qdd`, head axes.

@@ -104,7 +104,8 @@ impl MotorSolve {
 
     /// Whether anything stands on the diagonal at all: plain torque motors need no second factorisation.
     pub(super) fn is_plain(&self, motors: &MotorSet) -> bool {
-        motors.damping.iter().chain(self.limit_damping.iter()).all(|d| *d == 0.0)
+        let absent = |damping: &JointVec| damping.as_slice().iter().all(|d| *d == 0.0);
+        absent(&motors.damping) && absent(&self.limit_damping)
     }
 
     /// The diagonal addition `h D` of the present set.

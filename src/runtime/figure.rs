@@ -239,8 +239,9 @@ impl Figure {
     fn state_hash(&self) -> u64 {
         let state = self.engine.state();
         let numbers = state.qpos();
-        let all = numbers.iter().chain(state.velocity.iter()).chain(self.torques.iter());
-        all.fold(FNV_OFFSET, |hash, number| (hash ^ number.to_bits()).wrapping_mul(FNV_PRIME))
+        let parts = [&numbers[..], state.velocity.as_slice(), self.torques.as_slice()];
+        let mix = |hash: u64, number: &f64| (hash ^ number.to_bits()).wrapping_mul(FNV_PRIME);
+        parts.into_iter().fold(FNV_OFFSET, |hash, part| part.iter().fold(hash, mix))
     }
 }
 

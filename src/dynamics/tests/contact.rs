@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
+use nalgebra::{SMatrix, UnitQuaternion, Vector3};
 
 use super::{Random, engine_at, model, standing};
 use crate::character::{CONTACTS, CharacterModel, CharacterState, JointVec};
-use crate::dynamics::contact_solver::{ContactMethod, ContactProblem};
+use crate::dynamics::contact_solver::{ContactMethod, ContactProblem, FEET_ROWS};
 use crate::dynamics::{ContactSettings, Dynamics, Engine, GroundSurface, MotorSet, Simulator, StepInput};
 use crate::units::RAD_PER_DEG;
 
@@ -202,25 +202,29 @@ fn gravity_along_a_tilted_model_equals_a_tilted_ground() {
 
 /// A well-conditioned random problem, all points active.
 fn random_problem(random: &mut Random, pressing: f64) -> ContactProblem {
-    const ROWS: usize = 3 * CONTACTS;
-    let half = SMatrix::<f64, ROWS, ROWS>::from_fn(|_, _| random.unit());
-    let matrix = half * half.transpose() + 4.0 * SMatrix::<f64, ROWS, ROWS>::identity();
+    type Feet<const COLUMNS: usize> = SMatrix<f64, FEET_ROWS, COLUMNS>;
+    let half = Feet::<FEET_ROWS>::from_fn(|_, _| random.unit());
+    let mobility = half * half.transpose() + Feet::<FEET_ROWS>::identity();
     let mut problem = ContactProblem::default();
     problem.active = [true; CONTACTS];
     problem.friction = 0.8;
-    for i in 0..CONTACTS {
-        for j in 0..=i {
-            let block: Matrix3<f64> = matrix.fixed_view::<3, 3>(3 * i, 3 * j).into_owned();
-            problem.set_block(i, j, &block);
-        }
-    }
-    // Offsets of a known solution inside the cones (or not, when `pressing` is small).
-    let solution = SMatrix::<f64, ROWS, 1>::from_fn(|r, _| {
-        if r % 3 == 2 { pressing + random.unit() } else { 0.4 * random.unit() }
+    problem.mobility = mobility.transpose().data.0;
+    problem.rows = std::array::from_fn(|_| std::array::from_fn(|_| std::array::from_fn(|_| random.unit())));
+    problem.compliance = [Vector3::repeat(4.0); CONTACTS];
+    problem.feet_before = std::array::from_fn(|_| random.unit());
+    // Corrections of a known solution inside the cones (or not, when `pressing` is small).
+    let solution: [Vector3<f64>; CONTACTS] = std::array::from_fn(|_| {
+        Vector3::new(0.4 * random.unit(), 0.4 * random.unit(), pressing + random.unit())
     });
-    let offset = -(matrix * solution);
+    let rows = problem.rows.map(|rows| SMatrix::<f64, 6, 3>::from(rows).transpose());
+    let mut wrench = Feet::<1>::zeros();
     for i in 0..CONTACTS {
-        problem.offset_velocity[i] = Vector3::new(offset[3 * i], offset[3 * i + 1], offset[3 * i + 2]);
+        let mut foot = wrench.fixed_rows_mut::<6>(6 * (i / 4));
+        foot += rows[i].transpose() * solution[i];
+    }
+    let feet = Feet::<1>::from(problem.feet_before) + mobility * wrench;
+    for i in 0..CONTACTS {
+        problem.correction[i] = -(rows[i] * feet.fixed_rows::<6>(6 * (i / 4)) + 4.0 * solution[i]);
     }
     problem
 }
