@@ -1,5 +1,6 @@
 //! Runs to report on: from the golden series, from a real log, and made up.
 
+mod csv;
 mod metrics;
 mod output;
 mod spins;
