@@ -1,7 +1,7 @@
-//! From the stream of ticks to what a person reads: metrics, the JSON summary, a terminal table, one figure, CSV.
+//! From the stream of ticks to what a person reads: metrics, the JSON summary, a terminal table, figures, CSV.
 //!
 //! [`Trace`] collects the ticks, [`Analysis`] finds the spins and measures both characters once, and the outputs
-//! ([`summary::Summary`], [`table::render`], [`svg::render`]) only show what the analysis found. [`csv::write`]
+//! ([`summary::Summary`], [`table::render`], the figures of [`svg`]) only show what the analysis found. [`csv::write`]
 //! gives the curves themselves.
 
 pub mod csv;
