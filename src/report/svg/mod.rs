@@ -3,7 +3,7 @@
 //! The layout follows figures 9 to 13 of "Motion Sickness Simulation Based on Sensorimotor Control". Green is drawn
 //! solid and blue dashed, in two colours of the Okabe-Ito palette, so that they differ without colour as well.
 //!
-//! The other figures of that paper: [`comparison`] of several runs.
+//! The other figures of that paper: [`comparison`] of several runs, [`rates`] felt and true.
 
 mod axis;
 pub mod comparison;
@@ -11,6 +11,7 @@ mod legend;
 mod maps;
 mod paint;
 mod panels;
+pub mod rates;
 mod series;
 mod subject;
 #[cfg(test)]

@@ -4,6 +4,7 @@ use roxmltree::{Document, Node};
 
 use super::comparison::{self, ComparedRun, Comparison};
 use super::paint::width_of;
+use super::rates::{self, Rates};
 use super::{Caption, Look, fitted};
 use crate::report::tests::{golden, leaning};
 use crate::report::trace::{Character, Trace};
@@ -174,4 +175,26 @@ fn golden_runs_fit_their_comparison() {
     let figure = compared(&runs, true);
     assert_legible(&figure);
     assert_eq!(count(&figure, "platform stops"), 1);
+}
+
+#[test]
+fn peak_and_crossing_of_the_believed_rate_are_named_when_given() {
+    let trace = leaning(8.0, 0.0, None);
+    let (title, subtitle) = ("rates", "3 rad/s");
+    let bare = Rates {
+        title,
+        subtitle,
+        trace: &trace,
+        character: Character::Green,
+        undershoot: None,
+        zero_crossing_s: None,
+    };
+    let figure = rates::render(&bare);
+    assert_legible(&figure);
+    assert!(!texts(&figure).iter().any(|text| text.contains(" at ")));
+    let figure = rates::render(&Rates { undershoot: Some((8.0, -1.2)), zero_crossing_s: Some(7.6), ..bare });
+    assert_legible(&figure);
+    assert_eq!(count(&figure, "\u{2212}1.20 rad/s at 8.0 s"), 1);
+    assert_eq!(count(&figure, "crosses zero at 7.6 s"), 1);
+    assert_legible(&rates::render(&Rates { trace: &Trace::new(), ..bare }));
 }
