@@ -27,6 +27,10 @@ pub(super) enum Mark {
     Fall(&'static str),
     /// The end of one run's spin.
     SpinEnd(&'static str),
+    CentreOfMass,
+    BelievedGravity,
+    /// A bar as long as a length in the figure, px.
+    Length(f64),
 }
 
 /// Circle around the support centroid.
@@ -44,13 +48,17 @@ impl Mark {
             Self::Start(fill) => start(canvas, middle, fill),
             Self::Fall(colour) => fall(canvas, middle, colour),
             Self::SpinEnd(fill) => spin_end(canvas, (middle.0, y + 4.0), fill),
+            Self::CentreOfMass => canvas.dot(middle, 4.0, INK),
+            Self::BelievedGravity => arrow(canvas, (x, y), (x + SAMPLE, y), MARK),
+            Self::Length(width) => scale_bar(canvas, (x, y), width),
         }
     }
 
     fn width(self) -> f64 {
         match self {
-            Self::Curve(_) | Self::Shade(_) | Self::SupportPolygon => SAMPLE,
-            Self::Circle | Self::Start(_) | Self::Fall(_) | Self::SpinEnd(_) => 12.0,
+            Self::Curve(_) | Self::Shade(_) | Self::SupportPolygon | Self::BelievedGravity => SAMPLE,
+            Self::Circle | Self::Start(_) | Self::Fall(_) | Self::SpinEnd(_) | Self::CentreOfMass => 12.0,
+            Self::Length(width) => width,
         }
     }
 }
@@ -68,6 +76,28 @@ pub(super) fn fall(canvas: &mut Canvas, at: (f64, f64), colour: &'static str) {
 /// A triangle that points down at `at`.
 pub(super) fn spin_end(canvas: &mut Canvas, (x, y): (f64, f64), fill: &str) {
     canvas.filled_polygon(&[(x, y), (x - 4.0, y - 7.0), (x + 4.0, y - 7.0)], fill);
+}
+
+/// An arrow with a white edge, which parts it from what it lies on; nothing when both ends are one point.
+pub(super) fn arrow(canvas: &mut Canvas, from: (f64, f64), tip: (f64, f64), colour: &'static str) {
+    let (dx, dy) = (tip.0 - from.0, tip.1 - from.1);
+    let length = libm::hypot(dx, dy);
+    if length > 0.0 {
+        let (dx, dy) = (dx / length, dy / length);
+        let neck = (tip.0 - 7.0 * dx, tip.1 - 7.0 * dy);
+        canvas.line(from, neck, Pen::solid("#ffffff", 4.0));
+        canvas.line(from, neck, Pen::solid(colour, 1.8));
+        let barb = |side: f64| (neck.0 - side * 3.2 * dy, neck.1 + side * 3.2 * dx);
+        canvas.filled_polygon(&[tip, barb(1.0), barb(-1.0)], colour);
+    }
+}
+
+fn scale_bar(canvas: &mut Canvas, (x, y): (f64, f64), width: f64) {
+    let pen = Pen::solid(INK, 1.2);
+    canvas.line((x, y), (x + width, y), pen);
+    for end in [x, x + width] {
+        canvas.line((end, y - 4.0), (end, y + 4.0), pen);
+    }
 }
 
 /// Where each entry begins: as many in a row between `left` and `right` as fit, px below the first row.

@@ -3,7 +3,7 @@
 //! The layout follows figures 9 to 13 of "Motion Sickness Simulation Based on Sensorimotor Control". Green is drawn
 //! solid and blue dashed, in two colours of the Okabe-Ito palette, so that they differ without colour as well.
 //!
-//! The other figures of that paper: [`comparison`] of several runs, [`rates`] felt and true.
+//! The other figures of that paper: [`comparison`] of several runs, [`rates`] felt and true, [`stills`] of bodies.
 
 mod axis;
 pub mod comparison;
@@ -13,6 +13,7 @@ mod paint;
 mod panels;
 pub mod rates;
 mod series;
+pub mod stills;
 mod subject;
 #[cfg(test)]
 mod tests;

@@ -161,6 +161,11 @@ impl Canvas {
         );
     }
 
+    /// A line with round ends.
+    pub(super) fn limb(&mut self, from: (f64, f64), to: (f64, f64), pen: Pen) {
+        self.through("polyline", &[from, to], &format!("stroke-linecap=\"round\" {}", pen.attributes()));
+    }
+
     /// A line through `points`; nothing for fewer than two.
     pub(super) fn polyline(&mut self, points: &[(f64, f64)], pen: Pen) {
         self.through("polyline", points, &format!("stroke-linejoin=\"round\" {}", pen.attributes()));

@@ -5,6 +5,7 @@ use roxmltree::{Document, Node};
 use super::comparison::{self, ComparedRun, Comparison};
 use super::paint::width_of;
 use super::rates::{self, Rates};
+use super::stills::{self, Still, StillRow, Stills, View};
 use super::{Caption, Look, fitted};
 use crate::report::tests::{golden, leaning};
 use crate::report::trace::{Character, Trace};
@@ -197,4 +198,81 @@ fn peak_and_crossing_of_the_believed_rate_are_named_when_given() {
     assert_eq!(count(&figure, "\u{2212}1.20 rad/s at 8.0 s"), 1);
     assert_eq!(count(&figure, "crosses zero at 7.6 s"), 1);
     assert_legible(&rates::render(&Rates { trace: &Trace::new(), ..bare }));
+}
+
+/// A stick of 1.6 m that leans to the left, on a turntable with the feet off the axis.
+fn stick(label: &str, lean: f64) -> Still {
+    let (y, z) = (libm::sin(lean), libm::cos(lean));
+    let at = |far: f64| [0.3, 0.2 + far * y, far * z];
+    Still {
+        label: label.into(),
+        bones: vec![[at(0.0), at(1.6)]],
+        head: at(1.7),
+        com: at(0.95),
+        support: vec![[0.2, 0.1, 0.0], [0.4, 0.3, 0.0]],
+        gravity_hat: [0.0, -9.81 * y, -9.81 * z],
+        com_sway_deg: lean.to_degrees(),
+    }
+}
+
+#[test]
+fn stills_show_true_angles_at_the_scale_of_their_bar() {
+    let stills = [stick("18.0 s", 0.0), stick("20.0 s", 0.2)];
+    let rows = [
+        StillRow { label: "with vestibular model", look: Look::Green, stills: &stills },
+        StillRow { label: "without", look: Look::Blue, stills: &stills[..1] },
+    ];
+    let figure = Stills { title: "stills", subtitle: "30 rpm", view: View::Behind, rows: &rows };
+    let figure = stills::render(&figure);
+    assert_legible(&figure);
+    for (text, times) in
+        [("18.0 s", 2), ("20.0 s", 1), ("\u{3b8}CoM= 0.0\u{b0}", 2), ("\u{3b8}CoM= 11.5\u{b0}", 1)]
+    {
+        assert_eq!(count(&figure, text), times, "{text}");
+    }
+    let document = Document::parse(&figure).unwrap();
+    let bar = document
+        .descendants()
+        .filter(|node| node.attribute("stroke-width") == Some("1.2"))
+        .map(|node| ["x1", "x2"].map(|end| node.attribute(end).unwrap().parse::<f64>().unwrap()))
+        .map(|[from, to]| to - from)
+        .fold(0.0, f64::max);
+    let bones: Vec<[f64; 2]> = document
+        .descendants()
+        .filter(|node| node.has_tag_name("polyline"))
+        .map(|node| {
+            let numbers = node.attribute("points").unwrap().split([' ', ',']);
+            let [x1, y1, x2, y2] = numbers.map(|n| n.parse::<f64>().unwrap()).collect::<Vec<_>>()[..] else {
+                panic!("a bone has two ends")
+            };
+            [x2 - x1, y1 - y2]
+        })
+        .collect();
+    let per_m = bar / 0.5;
+    assert!(per_m > 100.0, "1.8 m on about 220 px");
+    for ([right, up], lean) in bones.into_iter().zip([0.0, 0.2, 0.0]) {
+        // Left is to the left, and coordinates are rounded to 0.01 px.
+        assert!((right + per_m * 1.6 * libm::sin(lean)).abs() < 0.1, "{right}");
+        assert!((up - per_m * 1.6 * libm::cos(lean)).abs() < 0.1, "{up}");
+    }
+}
+
+#[test]
+fn stills_of_a_lying_body_shrink_until_it_fits() {
+    let row: Vec<Still> = ["1 s", "2 s", "3 s", "4 s", "5 s"].map(|label| stick(label, 1.5)).into();
+    for view in [View::Side, View::Behind] {
+        let rows = [StillRow { label: "green", look: Look::Green, stills: &row }];
+        let figure = stills::render(&Stills { title: "lying", subtitle: "", view, rows: &rows });
+        assert_legible(&figure);
+        let document = Document::parse(&figure).unwrap();
+        let points = document.descendants().filter_map(|node| node.attribute("points"));
+        for x in points.flat_map(|points| points.split(' ')).map(|point| point.split_once(',').unwrap().0) {
+            assert!((super::LEFT..=super::RIGHT).contains(&x.parse::<f64>().unwrap()), "{x}");
+        }
+    }
+}
+
+#[test]
+fn no_stills_give_an_empty_page() {
+    assert_legible(&stills::render(&Stills { title: "none", subtitle: "", view: View::Side, rows: &[] }));
 }
