@@ -1,8 +1,10 @@
-//! From the stream of ticks to what a person reads: metrics, the JSON summary, a terminal table, one figure.
+//! From the stream of ticks to what a person reads: metrics, the JSON summary, a terminal table, figures, CSV.
 //!
-//! [`Trace`] collects the ticks, [`Analysis`] finds the spins and measures both characters once, and the three
-//! outputs ([`summary::Summary`], [`table::render`], [`svg::render`]) only show what the analysis found.
+//! [`Trace`] collects the ticks, [`Analysis`] finds the spins and measures both characters once, and the outputs
+//! ([`summary::Summary`], [`table::render`], the figures of [`svg`]) only show what the analysis found. [`csv::write`]
+//! gives the curves themselves.
 
+pub mod csv;
 pub mod metrics;
 pub mod spins;
 pub mod summary;
@@ -55,5 +57,13 @@ impl Analysis {
         let blue = CharacterMetrics::new(trace, &windows, Character::Blue);
         let verdict = verdict::sentence(trace, &windows, &green, &blue);
         Self { chair, windows, green, blue, verdict }
+    }
+}
+
+/// The word for a character in tables and figures.
+fn name_of(character: Character) -> &'static str {
+    match character {
+        Character::Green => "green",
+        Character::Blue => "blue",
     }
 }

@@ -1,6 +1,6 @@
 //! Scales, ticks and the frame of a plot.
 
-use super::paint::{Anchor, Canvas, Pen, Type};
+use super::paint::{Anchor, Canvas, Pen, Type, Words};
 use super::{FRAME, GRID, INK, LABEL};
 
 /// A linear map from data to px.
@@ -75,11 +75,11 @@ impl Plot {
         (self.x.map(x), self.y.map(y))
     }
 
-    fn corner(&self) -> (f64, f64) {
+    pub(super) fn corner(&self) -> (f64, f64) {
         (self.x.px.0, self.y.px.1)
     }
 
-    fn size(&self) -> (f64, f64) {
+    pub(super) fn size(&self) -> (f64, f64) {
         (self.x.px.1 - self.x.px.0, self.y.px.0 - self.y.px.1)
     }
 
@@ -89,7 +89,7 @@ impl Plot {
     }
 
     /// Horizontal grid lines and the labels of the upright axis.
-    pub(super) fn upright_axis(&self, canvas: &mut Canvas, ticks: &Ticks, label: &str) {
+    pub(super) fn upright_axis(&self, canvas: &mut Canvas, ticks: &Ticks, label: Words) {
         let (left, right) = self.x.px;
         for &value in &ticks.values {
             let y = self.y.map(value);

@@ -1,58 +1,66 @@
 //! The paths of CoM and CoP seen from above, and the table of numbers beside them.
 
 use super::axis::{Plot, Scale, Ticks};
+use super::legend::{self, CIRCLE, Mark};
 use super::paint::{Anchor, Canvas, Pen, Type};
-use super::{
-    BLUE_PEN, FAINT, FRAME, GREEN_PEN, INK, LABEL, LEFT, MARK, RIGHT, lettered_heading, pen_of, series,
-};
+use super::subject::{Position, Subject};
+use super::{BLUE_PEN, FAINT, FRAME, GREEN_PEN, INK, LABEL, LEFT, OUTLINE, RIGHT, lettered_heading};
 use crate::report::metrics::COP_RADIUS;
-use crate::report::trace::{Character, CharacterRow, Row, Trace};
 use crate::report::{Analysis, CharacterMetrics, Windows};
 
 const TOP: f64 = 574.0;
 const SIDE: f64 = 220.0;
 const SECOND_LEFT: f64 = LEFT + SIDE + 56.0;
 const KEY_LEFT: f64 = SECOND_LEFT + SIDE + 18.0;
-const OUTLINE: Pen = Pen { colour: FRAME, width: 1.0, dash: "6 2 1.5 2" };
-const CIRCLE: Pen = Pen::solid(MARK, 1.3);
 
-/// A position on the turntable, (x, y) in m, of what the map is about.
-type Position = fn(&CharacterRow) -> [f32; 2];
-
-pub(super) fn paint(canvas: &mut Canvas, trace: &Trace, analysis: &Analysis, polygon: &[[f64; 2]]) {
-    map(canvas, trace, analysis, polygon, ("d", "centre of mass", LEFT), |row| row.com);
-    map(canvas, trace, analysis, polygon, ("e", "centre of pressure", SECOND_LEFT), |row| row.cop);
+/// Paints the two maps of one run, the last of `subjects` on top.
+pub(super) fn paint(canvas: &mut Canvas, subjects: &[Subject], polygon: &[[f64; 2]]) {
+    let maps: [(&str, &str, f64, Position); 2] = [
+        ("d", "centre of mass", LEFT, |row| row.com),
+        ("e", "centre of pressure", SECOND_LEFT, |row| row.cop),
+    ];
+    for (letter, heading, left, position) in maps {
+        map(canvas, ((left, TOP), SIDE), subjects, polygon, position);
+        lettered_heading(canvas, (left, TOP - 7.0), letter, heading);
+    }
 }
 
-fn map(
+/// The paths of `position` after the stop in a square with the given corner and side, px, each
+/// with a dot where it begins and a cross where a fall ends it (on the frame when that is outside).
+pub(super) fn map(
     canvas: &mut Canvas,
-    trace: &Trace,
-    analysis: &Analysis,
+    ((left, top), side): ((f64, f64), f64),
+    subjects: &[Subject],
     polygon: &[[f64; 2]],
-    (letter, heading, left): (&str, &str, f64),
     position: Position,
 ) {
     let reach_cm = reach_cm(polygon);
     // Seen from above with forward up, left is to the left: the level axis runs backwards.
     let plot = Plot {
-        x: Scale { data: (reach_cm, -reach_cm), px: (left, left + SIDE) },
-        y: Scale { data: (-reach_cm, reach_cm), px: (TOP + SIDE, TOP) },
+        x: Scale { data: (reach_cm, -reach_cm), px: (left, left + side) },
+        y: Scale { data: (-reach_cm, reach_cm), px: (top + side, top) },
     };
     let ticks = Ticks::new(-reach_cm, reach_cm, 7);
-    let at = |x: f64, y: f64| plot.point((1e2 * y, 1e2 * x));
-    plot.upright_axis(canvas, &ticks, "x, forward (cm)");
+    let at = |[x, y]: [f64; 2]| plot.point((1e2 * y, 1e2 * x));
+    plot.upright_axis(canvas, &ticks, "x, forward (cm)".into());
     plot.level_axis(canvas, &ticks, Some("y, left (cm)"));
     plot.inside(canvas, |canvas| {
-        let outline: Vec<(f64, f64)> = polygon.iter().map(|corner| at(corner[0], corner[1])).collect();
+        let outline: Vec<(f64, f64)> = polygon.iter().copied().map(at).collect();
         canvas.polygon(&outline, OUTLINE);
-        for character in [Character::Green, Character::Blue] {
-            path(canvas, trace, analysis, character, position, &at);
+        for subject in subjects {
+            path(canvas, subject, position, &at);
         }
-        let radius = 1e2 * COP_RADIUS * SIDE / (2.0 * reach_cm);
-        canvas.circle(at(0.0, 0.0), radius, CIRCLE);
+        let radius = 1e2 * COP_RADIUS * side / (2.0 * reach_cm);
+        canvas.circle(at([0.0; 2]), radius, CIRCLE);
     });
     plot.frame(canvas);
-    lettered_heading(canvas, (left, TOP - 7.0), letter, heading);
+    for subject in subjects {
+        if let Some(end) = subject.fell_after_stop_at(position) {
+            let (x, y) = at(end);
+            let inside = (x.clamp(left, left + side), y.clamp(top, top + side));
+            legend::fall(canvas, inside, subject.pen.colour);
+        }
+    }
 }
 
 /// Half the side of a map, cm: room for the support polygon, or 16 cm without one.
@@ -61,29 +69,14 @@ fn reach_cm(polygon: &[[f64; 2]]) -> f64 {
     if farthest > 0.0 && farthest.is_finite() { 1e2 * farthest * 1.2 } else { 16.0 }
 }
 
-/// One character's path after the stop, with a dot where it begins.
-fn path(
-    canvas: &mut Canvas,
-    trace: &Trace,
-    analysis: &Analysis,
-    character: Character,
-    position: Position,
-    at: &dyn Fn(f64, f64) -> (f64, f64),
-) {
-    let Some(window) = analysis.windows.after_stop else {
-        return;
-    };
-    let shown = |row: &Row| window.contains(row.tick.time_s()) && row.of(character).counts();
-    let place = |row: &Row| {
-        let [x, y] = position(row.of(character)).map(f64::from);
-        (x.is_finite() && y.is_finite()).then(|| at(x, y))
-    };
-    let pieces = series::path(trace, shown, place);
+/// One path after the stop, with a dot where it begins.
+fn path(canvas: &mut Canvas, subject: &Subject, position: Position, at: &dyn Fn([f64; 2]) -> (f64, f64)) {
+    let pieces = subject.path_after_stop(position, at);
     for piece in &pieces {
-        canvas.polyline(piece, Pen { width: 1.3, ..pen_of(character) });
+        canvas.polyline(piece, Pen { width: 1.3, ..subject.pen });
     }
-    if let Some(&start) = pieces.first().and_then(|piece| piece.first()) {
-        canvas.dot(start, 3.2, pen_of(character).colour);
+    if let Some(&begin) = pieces.first().and_then(|piece| piece.first()) {
+        legend::start(canvas, begin, subject.pen.colour);
     }
 }
 
@@ -96,7 +89,7 @@ pub(super) fn key(canvas: &mut Canvas, analysis: &Analysis, has_polygon: bool) {
         &format!("d, e: after the {}", beginning(&analysis.windows)),
     );
     let mut y = TOP + 24.0;
-    canvas.circle((KEY_LEFT + 8.0, y - 4.0), 4.5, CIRCLE);
+    Mark::Circle.sample(canvas, (KEY_LEFT + 2.0, y - 4.0));
     canvas.text((KEY_LEFT + 24.0, y), ink, "5 mm around the");
     canvas.text((KEY_LEFT + 24.0, y + 13.0), ink, "support centroid");
     y += 31.0;
@@ -105,7 +98,7 @@ pub(super) fn key(canvas: &mut Canvas, analysis: &Analysis, has_polygon: bool) {
         canvas.text((KEY_LEFT + 24.0, y), ink, "support polygon");
         y += 18.0;
     }
-    canvas.dot((KEY_LEFT + 8.0, y - 4.0), 3.2, FAINT);
+    Mark::Start(FAINT).sample(canvas, (KEY_LEFT + 2.0, y - 4.0));
     canvas.text((KEY_LEFT + 24.0, y), ink, "where it begins");
     numbers(canvas, analysis, y + 28.0);
 }
@@ -114,7 +107,7 @@ pub(super) fn key(canvas: &mut Canvas, analysis: &Analysis, has_polygon: bool) {
 type Number = fn(&CharacterMetrics) -> Option<f64>;
 
 /// What the time that counts begins with.
-fn beginning(windows: &Windows) -> &'static str {
+pub(super) fn beginning(windows: &Windows) -> &'static str {
     match (windows.stop_s, windows.push_end_s) {
         (Some(stop_s), Some(push_end_s)) if push_end_s > stop_s => "push",
         (None, Some(_)) => "push",

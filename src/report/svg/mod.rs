@@ -2,14 +2,26 @@
 //!
 //! The layout follows figures 9 to 13 of "Motion Sickness Simulation Based on Sensorimotor Control". Green is drawn
 //! solid and blue dashed, in two colours of the Okabe-Ito palette, so that they differ without colour as well.
+//!
+//! The other figures of that paper: [`comparison`] of several runs, [`rates`] felt and true, [`stills`] of bodies.
 
 mod axis;
+pub mod comparison;
+mod legend;
 mod maps;
 mod paint;
 mod panels;
+pub mod rates;
 mod series;
+pub mod stills;
+mod subject;
+#[cfg(test)]
+mod tests;
+mod time_panel;
 
+use self::legend::Mark;
 use self::paint::{Anchor, Canvas, Pen, Type};
+use self::subject::Subject;
 use super::Analysis;
 use super::trace::{Character, Trace};
 
@@ -27,7 +39,32 @@ const MARK: &str = "#c0392b";
 const GREEN_PEN: Pen = Pen::solid("#009E73", 1.7);
 const BLUE_PEN: Pen = Pen { colour: "#0072B2", width: 1.5, dash: "5 2.5" };
 const CHAIR_PEN: Pen = Pen::solid("#333333", 1.2);
+const OUTLINE: Pen = Pen { colour: FRAME, width: 1.0, dash: "6 2 1.5 2" };
 const LABEL: Type = Type { size: 11.0, colour: FRAME, bold: false, anchor: Anchor::Start };
+
+/// How a curve or a body is drawn: a colour of the Okabe-Ito palette and a dash pattern.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Look {
+    /// Bluish green, solid: with the vestibular model.
+    Green,
+    /// Blue, dashed: without the vestibular model, and nothing else.
+    Blue,
+    /// Orange, dotted: beside green and black, which are darker, for the least of three runs.
+    Orange,
+    /// Black, long dashes: for the most of three runs.
+    Black,
+}
+
+impl Look {
+    const fn pen(self) -> Pen {
+        match self {
+            Self::Green => GREEN_PEN,
+            Self::Blue => BLUE_PEN,
+            Self::Orange => Pen { colour: "#E69F00", width: 2.0, dash: "2.5 2" },
+            Self::Black => Pen { colour: "#000000", width: 1.5, dash: "8 3" },
+        }
+    }
+}
 
 /// What the figure says about itself, and the outline the character stands on.
 #[derive(Clone, Debug, Default)]
@@ -46,19 +83,22 @@ pub struct Caption {
 /// fall, which is marked, and go on when it is stood up.
 pub fn render(trace: &Trace, analysis: &Analysis, caption: &Caption) -> String {
     let mut canvas = Canvas::new(WIDTH, HEIGHT, &caption.title, &analysis.verdict);
-    header(&mut canvas, caption, &analysis.verdict);
-    legend(&mut canvas);
-    panels::paint(&mut canvas, trace, analysis);
-    maps::paint(&mut canvas, trace, analysis, &caption.support_polygon);
+    header(&mut canvas, &caption.title, &caption.subtitle);
+    canvas.text((LEFT, 59.0), Type { colour: INK, ..LABEL }, &analysis.verdict);
+    let entries = [
+        (Mark::Curve(CHAIR_PEN), "chair, measured"),
+        (Mark::Curve(GREEN_PEN), "green: trusts its vestibular model"),
+        (Mark::Curve(BLUE_PEN), "blue: perceives perfectly"),
+        (Mark::Shade(SPIN), "chair spinning"),
+    ];
+    legend::paint(&mut canvas, (LEFT, RIGHT), 82.0, &entries);
+    // Green last, so that it lies on top.
+    let subjects = [(Character::Blue, BLUE_PEN), (Character::Green, GREEN_PEN)]
+        .map(|(character, pen)| Subject { trace, analysis, character, pen });
+    panels::paint(&mut canvas, trace, &analysis.windows, &subjects);
+    maps::paint(&mut canvas, &subjects, &caption.support_polygon);
     maps::key(&mut canvas, analysis, !caption.support_polygon.is_empty());
     canvas.finish()
-}
-
-fn pen_of(character: Character) -> Pen {
-    match character {
-        Character::Green => GREEN_PEN,
-        Character::Blue => BLUE_PEN,
-    }
 }
 
 /// The bold letter of a panel and what it shows, above the panel's frame.
@@ -67,14 +107,9 @@ fn lettered_heading(canvas: &mut Canvas, (left, y): (f64, f64), letter: &str, he
     canvas.text((left, y), Type { colour: INK, ..LABEL }, heading);
 }
 
-fn header(canvas: &mut Canvas, caption: &Caption, verdict: &str) {
-    canvas.text(
-        (LEFT, 24.0),
-        Type { size: 15.0, colour: INK, bold: true, ..LABEL },
-        &fitted(&caption.title, 84),
-    );
-    canvas.text((LEFT, 42.0), LABEL, &fitted(&caption.subtitle, 124));
-    canvas.text((LEFT, 59.0), Type { colour: INK, ..LABEL }, verdict);
+fn header(canvas: &mut Canvas, title: &str, subtitle: &str) {
+    canvas.text((LEFT, 24.0), Type { size: 15.0, colour: INK, bold: true, ..LABEL }, &fitted(title, 84));
+    canvas.text((LEFT, 42.0), LABEL, &fitted(subtitle, 124));
 }
 
 /// `text` in at most `room` characters; what is cut is the middle, for the ends of a path say most.
@@ -85,30 +120,4 @@ fn fitted(text: &str, room: usize) -> String {
     }
     let (head, tail) = (room / 3, room - 1 - room / 3);
     text.chars().take(head).chain(['\u{2026}']).chain(text.chars().skip(count - tail)).collect()
-}
-
-fn legend(canvas: &mut Canvas) {
-    let y = 82.0;
-    let entries = [
-        (LEFT, CHAIR_PEN, "chair, measured"),
-        (LEFT + 136.0, GREEN_PEN, "green: trusts its vestibular model"),
-        (LEFT + 366.0, BLUE_PEN, "blue: perceives perfectly"),
-    ];
-    for (x, pen, text) in entries {
-        canvas.line((x, y), (x + 26.0, y), pen);
-        canvas.text((x + 32.0, y + 4.0), Type { colour: INK, ..LABEL }, text);
-    }
-    canvas.filled_rect((LEFT + 552.0, y - 6.0), (26.0, 12.0), SPIN);
-    canvas.text((LEFT + 584.0, y + 4.0), Type { colour: INK, ..LABEL }, "chair spinning");
-}
-
-#[cfg(test)]
-mod tests {
-    use super::fitted;
-
-    #[test]
-    fn long_titles_lose_their_middle() {
-        assert_eq!(fitted("replay:short.txt", 16), "replay:short.txt");
-        assert_eq!(fitted("replay:/a/long/\u{e9}/path.txt", 12), "repl\u{2026}ath.txt");
-    }
 }

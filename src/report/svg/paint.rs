@@ -48,6 +48,58 @@ pub(super) struct Type {
     pub(super) anchor: Anchor,
 }
 
+/// What a text says, with one subscript in it or none, and after the subscript a space.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Words<'a> {
+    pub(super) before: &'a str,
+    pub(super) subscript: &'a str,
+    pub(super) after: &'a str,
+}
+
+impl<'a> From<&'a str> for Words<'a> {
+    fn from(before: &'a str) -> Self {
+        Self { before, ..Self::default() }
+    }
+}
+
+impl<'a> From<&'a String> for Words<'a> {
+    fn from(before: &'a String) -> Self {
+        before.as_str().into()
+    }
+}
+
+impl Words<'_> {
+    /// The words as content of a text element of `size` px.
+    fn content(&self, size: f64) -> String {
+        let before = escaped(self.before);
+        if self.subscript.is_empty() {
+            return before;
+        }
+        // A space at the beginning of a tspan is not shown everywhere, a shift is.
+        let (drop, small, space) = (number(0.27 * size), number(0.78 * size), number(0.28 * size));
+        let (subscript, after) = (escaped(self.subscript), escaped(self.after));
+        format!(
+            "{before}<tspan dy=\"{drop}\" font-size=\"{small}\">{subscript}</tspan>\
+             <tspan dx=\"{space}\" dy=\"-{drop}\">{after}</tspan>"
+        )
+    }
+}
+
+/// Width of `text` at `size` px in Helvetica, px; other letters than Latin ones count as an average one.
+pub(super) fn width_of(text: &str, size: f64) -> f64 {
+    let share = |letter: char| match letter {
+        'i' | 'j' | 'l' | '\'' => 0.222,
+        'f' | 't' | 'I' | ' ' | '.' | ',' | ':' | ';' | '/' => 0.278,
+        'r' | '(' | ')' | '-' => 0.333,
+        'c' | 'k' | 's' | 'v' | 'x' | 'y' | 'z' | 'J' => 0.5,
+        'm' | 'M' => 0.833,
+        'W' | '%' | '\u{2026}' => 0.95,
+        wide if wide == 'w' || wide.is_uppercase() => 0.72,
+        _ => 0.556,
+    };
+    size * text.chars().map(share).sum::<f64>()
+}
+
 /// An SVG document in the making. Positions in px from the top left corner.
 #[derive(Debug)]
 pub(super) struct Canvas {
@@ -109,6 +161,11 @@ impl Canvas {
         );
     }
 
+    /// A line with round ends.
+    pub(super) fn limb(&mut self, from: (f64, f64), to: (f64, f64), pen: Pen) {
+        self.through("polyline", &[from, to], &format!("stroke-linecap=\"round\" {}", pen.attributes()));
+    }
+
     /// A line through `points`; nothing for fewer than two.
     pub(super) fn polyline(&mut self, points: &[(f64, f64)], pen: Pen) {
         self.through("polyline", points, &format!("stroke-linejoin=\"round\" {}", pen.attributes()));
@@ -116,6 +173,10 @@ impl Canvas {
 
     pub(super) fn polygon(&mut self, points: &[(f64, f64)], pen: Pen) {
         self.through("polygon", points, &pen.attributes());
+    }
+
+    pub(super) fn filled_polygon(&mut self, points: &[(f64, f64)], fill: &str) {
+        self.through("polygon", points, &format!("fill=\"{fill}\""));
     }
 
     fn through(&mut self, element: &str, points: &[(f64, f64)], attributes: &str) {
@@ -150,23 +211,23 @@ impl Canvas {
         self.line((x - arm, y + arm), (x + arm, y - arm), pen);
     }
 
-    pub(super) fn text(&mut self, at: (f64, f64), look: Type, text: &str) {
-        self.text_with(at, look, text, "");
+    pub(super) fn text<'a>(&mut self, at: (f64, f64), look: Type, words: impl Into<Words<'a>>) {
+        self.text_with(at, look, words.into(), "");
     }
 
     /// Text that stays readable on top of a curve.
-    pub(super) fn text_with_halo(&mut self, at: (f64, f64), look: Type, text: &str) {
+    pub(super) fn text_with_halo<'a>(&mut self, at: (f64, f64), look: Type, words: impl Into<Words<'a>>) {
         let halo = " stroke=\"#ffffff\" stroke-width=\"3\" stroke-linejoin=\"round\" paint-order=\"stroke\"";
-        self.text_with(at, look, text, halo);
+        self.text_with(at, look, words.into(), halo);
     }
 
     /// Text that reads from bottom to top.
-    pub(super) fn text_upwards(&mut self, at: (f64, f64), look: Type, text: &str) {
+    pub(super) fn text_upwards<'a>(&mut self, at: (f64, f64), look: Type, words: impl Into<Words<'a>>) {
         let turn = format!(" transform=\"rotate(-90 {} {})\"", number(at.0), number(at.1));
-        self.text_with(at, look, text, &turn);
+        self.text_with(at, look, words.into(), &turn);
     }
 
-    fn text_with(&mut self, at: (f64, f64), look: Type, text: &str, more: &str) {
+    fn text_with(&mut self, at: (f64, f64), look: Type, words: Words, more: &str) {
         let weight = if look.bold { " font-weight=\"bold\"" } else { "" };
         let _ = writeln!(
             self.out,
@@ -176,7 +237,7 @@ impl Canvas {
             number(look.size),
             look.colour,
             look.anchor.name(),
-            escaped(text)
+            words.content(look.size)
         );
     }
 
@@ -228,6 +289,15 @@ mod tests {
         assert_eq!(number(-0.001), "0");
         assert_eq!(number(12.3456), "12.35");
         assert_eq!(number(f64::NAN), "0");
+    }
+
+    #[test]
+    fn a_subscript_is_lowered_and_the_rest_raised_again() {
+        let words = Words { before: "\u{3b8}", subscript: "a<b", after: "(deg)" };
+        let expected = "\u{3b8}<tspan dy=\"2.7\" font-size=\"7.8\">a&lt;b</tspan>\
+                        <tspan dx=\"2.8\" dy=\"-2.7\">(deg)</tspan>";
+        assert_eq!(words.content(10.0), expected);
+        assert_eq!(Words::from("a & b").content(10.0), "a &amp; b");
     }
 
     #[test]

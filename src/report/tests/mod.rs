@@ -1,5 +1,6 @@
 //! Runs to report on: from the golden series, from a real log, and made up.
 
+mod csv;
 mod metrics;
 mod output;
 mod posturography;
@@ -13,7 +14,7 @@ use super::Trace;
 use crate::imu::LinkHealth;
 use crate::tick::{CharacterOutput, PlatformMotion, Posture, TickInput, TickOutput};
 use crate::time::Tick;
-use crate::units::STANDARD_GRAVITY;
+use crate::units::{RAD_S_PER_RPM, STANDARD_GRAVITY};
 use crate::vestibular::{HeadMotion, Perception};
 
 /// The file in the shared material; `None`, said aloud, where that is not at hand.
@@ -59,6 +60,29 @@ pub(super) fn upright() -> CharacterOutput {
 
 pub(super) fn output(tick: u64, green: CharacterOutput, blue: CharacterOutput) -> TickOutput {
     TickOutput { tick: Tick(tick), platform: PlatformMotion::default(), green, blue }
+}
+
+/// A spin of 30 rpm from 2 s to `stop_s`; from then on green leans forward by `deg_per_s`, and with `falls_at` falls in
+/// that tick. Blue stands. 14 s, 10 ms per row.
+pub(super) fn leaning(stop_s: f64, deg_per_s: f64, falls_at: Option<u64>) -> Trace {
+    let mut trace = Trace::new();
+    for tick in (0..=14_000).step_by(10) {
+        let time_s = tick as f64 * 1e-3;
+        let rate = (time_s - 2.0).min(stop_s - time_s).clamp(0.0, 1.0) * 30.0 * RAD_S_PER_RPM;
+        let lean_deg = (time_s - stop_s).max(0.0) * deg_per_s;
+        let fallen = falls_at.is_some_and(|falls_at| tick >= falls_at);
+        let mut green = CharacterOutput {
+            com_sway: lean_deg.to_radians(),
+            gravity_tilt: 0.8 * lean_deg.to_radians(),
+            foot_tilt: 0.1 * lean_deg.to_radians(),
+            posture: if fallen { Posture::Fallen } else { Posture::Standing },
+            ..upright()
+        };
+        green.com_platform.x = 0.95 * lean_deg.to_radians();
+        green.perception.omega_head.z = 0.5 * rate - if time_s > stop_s - 1.0 { 1.2 } else { 0.0 };
+        trace.push(&input(tick, Some(rate)), &output(tick, green, upright()));
+    }
+    trace
 }
 
 /// The rows of a comma-separated file of numbers, from line `first` on.

@@ -2,32 +2,15 @@
 
 use std::time::Duration;
 
-use super::{golden, input, output, upright};
+use super::{golden, input, leaning, output, upright};
 use crate::report::summary::{LinkCounters, RunFacts, TimingSummary};
 use crate::report::svg::{self, Caption};
 use crate::report::{Analysis, Summary, TickTimes, Trace, table};
-use crate::tick::{CharacterOutput, Posture};
-use crate::units::RAD_S_PER_RPM;
+use crate::tick::CharacterOutput;
 
-/// A spin of 30 rpm from 2 to 8 s; green leans more and more from then on and falls at 11 s. 10 ms per row.
+/// Green leans more and more from the stop at 8 s on and falls at 11 s.
 fn falling() -> Trace {
-    let mut trace = Trace::new();
-    for tick in (0..=14_000).step_by(10) {
-        let time_s = tick as f64 * 1e-3;
-        let rate = (time_s - 2.0).min(8.0 - time_s).clamp(0.0, 1.0) * 30.0 * RAD_S_PER_RPM;
-        let lean_deg = (time_s - 8.0).max(0.0) * 4.0;
-        let mut green = CharacterOutput {
-            com_sway: lean_deg.to_radians(),
-            gravity_tilt: 0.8 * lean_deg.to_radians(),
-            foot_tilt: 0.1 * lean_deg.to_radians(),
-            posture: if tick >= 11_000 { Posture::Fallen } else { Posture::Standing },
-            ..upright()
-        };
-        green.com_platform.x = 0.95 * lean_deg.to_radians();
-        green.perception.omega_head.z = 0.5 * rate - if time_s > 7.0 { 1.2 } else { 0.0 };
-        trace.push(&input(tick, Some(rate)), &output(tick, green, upright()));
-    }
-    trace
+    leaning(8.0, 4.0, Some(11_000))
 }
 
 fn summary() -> Summary {
@@ -96,7 +79,7 @@ CoP 95 % ellipse (mm2)                       0.0           0.0
 CoP within 5 mm (% of ticks)                50.1         100.0
 believed rate at stop (rpm)                -11.5           0.0
 
-green fell 3.0 s after the stop; blue stood still.
+green fell 3.0 s after the stop; blue stayed balanced.
 - link stale from 3.10 s to 3.12 s
 recording run.mcap
 ";
