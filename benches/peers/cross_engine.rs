@@ -1,8 +1,8 @@
 //! Our half of the comparison of trajectories with another engine. Settings are TOML of the core, one key an argument.
 //!
-//! `cross_engine run LEAD_S DEAF_S KEY=VALUE...`: the green character through 43 s with an ideal chair (2 s of rest,
-//! 30 rpm for 15 s with ramps of 1 s); CSV on standard output at 50 Hz. The chair is LEAD_S ahead of the clock and not
-//! heard for the first DEAF_S.
+//! `cross_engine run SPIN_S LEAD_S DEAF_S KEY=VALUE...`: the green character with an ideal chair (2 s of rest, 30 rpm for
+//! SPIN_S with ramps of 1 s, 25 s after the stop; a fall ends it); CSV on standard output at 50 Hz. The chair is LEAD_S
+//! ahead of the clock and not heard for the first DEAF_S.
 //!
 //! `cross_engine serve KEY=VALUE...`: our observer and controller for a body that another engine moves. Little-endian
 //! doubles; each request is 42 configuration numbers, 41 velocities, platform angle, rate, acceleration, head angular
@@ -20,11 +20,13 @@ use otolith::character::{CONTACTS, CharacterModel, CharacterState, DOF, GenVec};
 use otolith::dynamics::{Dynamics, Engine, GroundSurface, Simulator, standing_pose};
 use otolith::hil::{ChairResidual, Turntable};
 use otolith::runtime::{CoreSettings, Figure, Vestibular};
+use otolith::tick::Posture;
 use otolith::time::TICK_S;
 use otolith::units::{DEG_PER_RAD, RAD_S_PER_RPM};
 use otolith::vestibular::{HeadMotion, NewmanObserver, OrientationObserver};
 
-const TICKS: u64 = 43_000;
+const START_S: f64 = 2.0;
+const AFTER_SPIN_S: f64 = 26.0;
 const EVERY: u64 = 20;
 const REQUEST: usize = DOF + 1 + DOF + 3 + 6 + 1 + 3;
 
@@ -32,13 +34,16 @@ fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
     let settings = |from: usize| toml::from_str(&arguments[from..].join("\n")).unwrap();
     match arguments.first().map(String::as_str) {
-        Some("run") => run(arguments[1].parse().unwrap(), arguments[2].parse().unwrap(), settings(3)),
+        Some("run") => {
+            let [spin_s, lead_s, deaf_s] = [1, 2, 3].map(|i| arguments[i].parse().unwrap());
+            run(spin_s, lead_s, deaf_s, settings(4));
+        }
         Some("serve") => serve(&settings(1)),
         _ => {} // `cargo bench` without arguments
     }
 }
 
-fn run(lead_s: f64, deaf_s: f64, settings: CoreSettings) {
+fn run(spin_s: f64, lead_s: f64, deaf_s: f64, settings: CoreSettings) {
     let model = Arc::new(CharacterModel::standing().unwrap());
     let standing = standing_pose(&model, &settings.pose).unwrap();
     let observer = NewmanObserver::new(settings.observer).unwrap();
@@ -46,10 +51,11 @@ fn run(lead_s: f64, deaf_s: f64, settings: CoreSettings) {
     let settings = Arc::new(settings);
     let mut figure = Figure::new(Vestibular::Trusted, settings.clone(), model.clone(), standing, observer);
     println!("t,cx,cy,cz,zx,zy,gx,gy,gz,thc,thg,omega,wx,wy,wz,px,py,lift");
-    for k in 0..TICKS {
+    let ticks = ((START_S + spin_s + AFTER_SPIN_S) / TICK_S).round() as u64;
+    for k in 0..ticks {
         let t = k as f64 * TICK_S;
         let at = t + lead_s;
-        let share = (at - 2.0).clamp(0.0, 1.0) - (at - 17.0).clamp(0.0, 1.0);
+        let share = (at - START_S).clamp(0.0, 1.0) - (at - START_S - spin_s).clamp(0.0, 1.0);
         let omega_head = Vector3::new(0.0, 0.0, 30.0 * RAD_S_PER_RPM * share);
         let chair = (t >= deaf_s).then_some(HeadMotion { omega_head, gif_head: model.gravity });
         let platform = turntable.follow(chair.map(|chair| chair.omega_head.z), TICK_S);
@@ -57,6 +63,9 @@ fn run(lead_s: f64, deaf_s: f64, settings: CoreSettings) {
         let state = *figure.state();
         let out = figure.step(&platform, &residual, None);
         turntable.advance(&platform, TICK_S);
+        if out.posture == Posture::Fallen {
+            break;
+        }
         if k % EVERY == 0 {
             let ground = GroundSurface::turntable(platform.angle, 0.0, 0.0, model.friction);
             let engine = Engine::new(model.clone(), settings.contact, state);

@@ -22,6 +22,7 @@ cp "$reference"/*.py "$reference"/*.cpp "$reference"/*.sh "$scratch/reference/"
 ours=$(executable cross_engine)
 
 export PYTHONDONTWRITEBYTECODE=1
+cd "$scratch" # where MuJoCo writes its log: its warnings are of runs that fall
 "$venv/bin/python" "$here/cross_engine.py" "$ours" "$scratch/reference" "$root/docs/cross-engine.md" \
     "$root/docs/cross-engine.svg" \
     "\`benches/peers/cross_engine.sh\`, $(date +%Y-%m-%d): $(machine), $(versions "$venv" mujoco numpy)."

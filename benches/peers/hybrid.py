@@ -10,19 +10,20 @@ import mujoco
 import numpy as np
 
 JOINTS, EVERY_S = 35, 0.02
+FALLEN_HEIGHT, FALLEN_DEG = 0.6, 25.0  # of the centre of mass, m, and its sway: the reference's
 PLATFORM_INERTIA = 1e6 + 1000.0  # of the platform in the model file: it does not feel what it carries
 
 
-def profile(t):
-    """Rate and acceleration of the turntable: 30 rpm from 2 s to 17 s with ramps of 1 s."""
-    top = np.pi
-    if t < 2 or t >= 18:
+def profile(t, spin_s):
+    """Rate and acceleration of the turntable: 30 rpm for `spin_s` from 2 s on, with ramps of 1 s."""
+    top, slowing = np.pi, 2 + spin_s
+    if t < 2 or t >= slowing + 1:
         return 0.0, 0.0
     if t < 3:
         return top * (t - 2), top
-    if t < 17:
+    if t < slowing:
         return top, 0.0
-    return top * (18 - t), -top
+    return top * (slowing + 1 - t), -top
 
 
 class Ours:
@@ -43,21 +44,24 @@ class Ours:
         self.process.wait()
 
 
-def run(model, start, brain, step_s=1e-3, seconds=43.0):
-    """The green character through the spin: rows at 50 Hz with the columns of `cross_engine run`."""
+def run(model, start, brain, step_s, spin_s):
+    """Rows at 50 Hz with the columns of `cross_engine run`: the green character up to 25 s after the spin, or to its fall."""
     model.opt.timestep = step_s
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # a run that diverges has fallen
     data = mujoco.MjData(model)
     data.qpos[1:] = start
     mujoco.mj_forward(model, data)
     head, pelvis = model.body("head").id, model.body("pelvis").id
     points = [model.geom(f"c{side}{i}").id for side in "lr" for i in range(4)]
     angle, rows, wrench, every = 0.0, [], np.zeros(6), round(EVERY_S / step_s)
-    for k in range(round(seconds / step_s)):
+    for k in range(round((spin_s + 28) / step_s)):
         t = k * step_s
-        rate, acceleration = profile(t)
+        rate, acceleration = profile(t, spin_s)
         data.qpos[0], data.qvel[0] = angle, rate
         data.qfrc_applied[0] = PLATFORM_INERTIA * acceleration
         mujoco.mj_step1(model, data)
+        if not data.subtree_com[pelvis, 2] > FALLEN_HEIGHT:
+            break
         rot_head = data.xmat[head].reshape(3, 3)
         gyro, force = data.sensordata[:3].copy(), data.sensordata[3:6].copy()
         if k == 0:
@@ -85,7 +89,7 @@ def run(model, start, brain, step_s=1e-3, seconds=43.0):
             down = model.opt.gravity
             tilt = np.degrees(np.arctan2(np.linalg.norm(np.cross(gravity, down)), gravity @ down))
             rows.append([t, *c, *z[:2], *g, sway, tilt, rate, *omega, *p[:2], lift])
-            if sway > 25 or not np.isfinite(sway):
+            if sway > FALLEN_DEG:
                 break
         angle += rate * step_s
     return np.array(rows)

@@ -14,6 +14,7 @@ import numpy as np
 RADIUS = 0.005  # of the contact spheres, m
 SOFTNESS = 1e-4  # of our force distribution (src/balance/cone.rs)
 FINER = 4
+STEP_S = 1e-3
 
 
 class Reference:
@@ -26,18 +27,18 @@ class Reference:
 
         self.controller, self.model, self.observer = controller, model, observer
 
-    def run(self, xml_settings=None, step_s=1e-3, **parameters):
+    def run(self, xml_settings=None, spin_s=15.0, **parameters):
         """Rows of the compiled twin with the columns of `cross_engine run`, feet not known (NaN)."""
-        xml = self.model.mjcf(dt=step_s, **(xml_settings or {}))
+        xml = self.model.mjcf(dt=STEP_S, **(xml_settings or {}))
         (self.folder / "twin.xml").write_text(xml)
         pose = self.model.nominal_pose(mujoco.MjModel.from_xml_string(xml))
         np.savetxt(self.folder / "pose.txt", pose)
-        keys = dict(rpm=30, t_spin=15, t_end=43, save=round(0.02 / step_s), **parameters)
+        keys = dict(rpm=30, t_spin=spin_s, t_end=spin_s + 28, save=round(0.02 / STEP_S), **parameters)
         command = ["./fast", "twin.xml", "pose.txt", "pose.txt", "twin.csv", *(f"{k}={v}" for k, v in keys.items())]
         subprocess.run(command, cwd=self.folder, check=True, capture_output=True)
         t = np.genfromtxt(self.folder / "twin.csv", delimiter=",", names=True)
         # Its platform axes are those of the end of the step: turned back by one step, ours are of the start.
-        back = t["omega"] * step_s
+        back = t["omega"] * STEP_S
         turned = []
         for x, y in (("cx", "cy"), ("zx", "zy"), ("gx", "gy")):
             turned.append(np.cos(back) * t[x] - np.sin(back) * t[y])
