@@ -16,7 +16,8 @@
 //!
 //! the inertia the feet feel and the stiffness of the points that hold them: exact, and 12 x 12 instead of 24 x 24.
 //! When a point pulls it is dropped (at most [`MAX_DROPS`] rounds) and takes its stiffness with it; when one would
-//! leave its cone the iterative solver runs a fixed number of sweeps from the last step's impulses.
+//! leave its cone the iterative solver sweeps from the last step's impulses until they settle, at most a given number of
+//! times.
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
@@ -118,7 +119,7 @@ impl ContactProblem {
 
     /// Solves in place; `impulse` holds the warm start on entry and the solution on return.
     #[inline(never)] // a stage of its own in a profile
-    pub(super) fn solve(&mut self, sweeps: usize) -> ContactMethod {
+    pub(super) fn solve(&mut self, sweeps: usize, settled: f64) -> ContactMethod {
         if !self.active.contains(&true) {
             return ContactMethod::None;
         }
@@ -127,7 +128,7 @@ impl ContactProblem {
             return ContactMethod::Direct;
         }
         self.impulse = warm;
-        self.iterate(sweeps);
+        self.iterate(sweeps, settled);
         ContactMethod::Iterative
     }
 
@@ -185,7 +186,7 @@ impl ContactProblem {
     }
 
     #[inline(never)] // a stage of its own in a profile
-    pub(super) fn iterate(&mut self, sweeps: usize) {
+    pub(super) fn iterate(&mut self, sweeps: usize, settled: f64) {
         let mut reaction = [[[0.0; FEET_ROWS]; POINT_ROWS]; CONTACTS];
         let mut block = [Matrix3::zeros(); CONTACTS];
         let mut inverse = [Matrix3::zeros(); CONTACTS];
@@ -204,6 +205,7 @@ impl ContactProblem {
             react(&mut self.feet_after, &reaction[i], &self.impulse[i]);
         }
         for _ in 0..sweeps {
+            let mut largest_change: f64 = 0.0;
             for i in (0..CONTACTS).filter(|i| self.active[*i]) {
                 let velocity = self.velocity(i);
                 let old = self.impulse[i];
@@ -215,6 +217,11 @@ impl ContactProblem {
                 };
                 self.impulse[i] = next;
                 react(&mut self.feet_after, &reaction[i], &(next - old));
+                largest_change = largest_change.max((next - old).amax());
+            }
+            let load: f64 = self.impulse.iter().map(|impulse| impulse.z).sum();
+            if largest_change < settled * load {
+                break;
             }
         }
     }

@@ -110,7 +110,7 @@ impl Engine {
             &change,
             input.dt_s,
         );
-        self.report.contact_method = contacts.problem.solve(self.settings.sweeps);
+        self.report.contact_method = contacts.problem.solve(self.settings.sweeps, self.settings.settled);
         if self.report.contact_method != ContactMethod::None {
             contacts.apply(model, factor, &mut change);
         }

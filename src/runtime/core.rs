@@ -101,8 +101,9 @@ impl CoreSettings {
             ("contact.margin", contact.margin, 1e-5..=0.05, "1e-5 to 0.05 m"),
             ("contact.error_reduction", contact.error_reduction, 0.0..=1.0, "0 to 1"),
             ("contact.push_out_limit", contact.push_out_limit, 0.0..=10.0, "0 to 10 m/s"),
-            ("contact.relative_compliance", contact.relative_compliance, 1e-8..=0.1, "1e-8 to 0.1"),
+            ("contact.relative_compliance", contact.relative_compliance, 1e-8..=100.0, "1e-8 to 100"),
             ("contact.anchor_gain", contact.anchor_gain, 0.0..=1.0, "0 to 1"),
+            ("contact.settled", contact.settled, 0.0..=0.1, "0 to 0.1"),
             ("contact.sweeps", contact.sweeps as f64, 1.0..=1000.0, "1 to 1000"),
             ("turntable.filter_s", self.turntable.filter_s, 0.0..=1.0, "0 to 1 s"),
             (

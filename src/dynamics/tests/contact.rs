@@ -235,8 +235,8 @@ fn the_direct_and_the_iterative_solver_agree_where_everything_sticks() {
     for _ in 0..100 {
         let mut direct = random_problem(&mut random, 2.0);
         let mut iterative = direct.clone();
-        assert_eq!(direct.solve(0), ContactMethod::Direct);
-        iterative.iterate(3000);
+        assert_eq!(direct.solve(0, 0.0), ContactMethod::Direct);
+        iterative.iterate(3000, 0.0);
         for (d, i) in direct.impulse.iter().zip(&iterative.impulse) {
             assert!((d - i).norm() < 1e-8, "{d} {i}");
         }
@@ -249,7 +249,7 @@ fn no_impulse_leaves_its_cone_and_sliding_opposes_the_slip() {
     let mut iterated = 0;
     for _ in 0..200 {
         let mut problem = random_problem(&mut random, 0.2);
-        iterated += u32::from(problem.solve(2000) == ContactMethod::Iterative);
+        iterated += u32::from(problem.solve(2000, 0.0) == ContactMethod::Iterative);
         for (i, impulse) in problem.impulse.iter().enumerate() {
             let (tangential, limit) = (libm::hypot(impulse.x, impulse.y), problem.friction * impulse.z);
             assert!(impulse.z >= 0.0 && tangential <= limit * (1.0 + 1e-12), "{impulse}");
