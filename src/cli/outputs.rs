@@ -1,14 +1,9 @@
 //! Files of a run besides the recording: the figure and the summary.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use super::failure::{Failure, FailureKind};
-use crate::balance::perceive;
-use crate::character::CharacterModel;
-use crate::dynamics::{Engine, GroundSurface, standing_pose};
 use crate::report::Summary;
-use crate::runtime::CoreSettings;
 
 /// Names of the files in the result folder.
 const FIGURE: &str = "figure.svg";
@@ -23,12 +18,7 @@ impl Outputs {
     /// Makes sure, before the run costs time, that nothing is overwritten unasked. `record` is the recording the run
     /// will write. Leaves no trace on the disk.
     pub(super) fn claim(folder: Option<&Path>, record: Option<&Path>, force: bool) -> Result<Self, Failure> {
-        if let Some(folder) = folder.filter(|folder| folder.exists() && !folder.is_dir()) {
-            return Err(Failure::usage(format!(
-                "{}: this is a file, --out needs a folder\n\nhint: choose another name",
-                folder.display()
-            )));
-        }
+        folder.map_or(Ok(()), refuse_file)?;
         let in_folder = folder.into_iter().flat_map(|folder| [FIGURE, SUMMARY].map(|name| folder.join(name)));
         let taken = in_folder.chain(record.map(Path::to_owned)).find(|path| path.exists());
         if let (Some(path), false) = (taken, force) {
@@ -42,13 +32,7 @@ impl Outputs {
 
     /// Makes the folder.
     pub(super) fn make_folder(&self) -> Result<(), Failure> {
-        let Some(folder) = &self.folder else { return Ok(()) };
-        std::fs::create_dir_all(folder).map_err(|error| {
-            Failure::usage(format!(
-                "{}: cannot make this folder: {error}\n\nhint: choose another with --out",
-                folder.display()
-            ))
-        })
+        self.folder.as_deref().map_or(Ok(()), make_folder)
     }
 
     /// Writes figure and summary and enters the figure's name into the summary.
@@ -56,15 +40,7 @@ impl Outputs {
         let Some(folder) = &self.folder else { return Ok(()) };
         let write = |name: &str, text: &str| {
             let path = folder.join(name);
-            std::fs::write(&path, text).map(|()| path.clone()).map_err(|error| {
-                Failure::new(
-                    FailureKind::Failed,
-                    format!(
-                        "{}: cannot write it: {error}\n\nhint: check permissions and free space",
-                        path.display()
-                    ),
-                )
-            })
+            write_file(&path, text).map(|()| path)
         };
         summary.figure = Some(write(FIGURE, figure)?.display().to_string());
         let text = serde_json::to_string_pretty(&summary).unwrap_or_default();
@@ -73,15 +49,33 @@ impl Outputs {
     }
 }
 
-/// Corners of the support polygon around its centroid in the standing pose, m: for the figure.
-pub(super) fn support_outline(
-    settings: &CoreSettings,
-    model: &CharacterModel,
-) -> Result<Vec<[f64; 2]>, Failure> {
-    let state = standing_pose(model, &settings.pose).map_err(|error| Failure::usage(error.to_string()))?;
-    let engine = Engine::new(Arc::new(model.clone()), settings.contact, state);
-    let ground = GroundSurface::level(model.friction);
-    let support = perceive(&engine, &ground, &model.gravity).support;
-    let centre = support.centroid_world.xy();
-    Ok(support.corners().iter().map(|corner| [corner.x - centre.x, corner.y - centre.y]).collect())
+/// Refuses a file where a folder is needed.
+pub(super) fn refuse_file(folder: &Path) -> Result<(), Failure> {
+    if folder.exists() && !folder.is_dir() {
+        return Err(Failure::usage(format!(
+            "{}: this is a file, --out needs a folder\n\nhint: choose another name",
+            folder.display()
+        )));
+    }
+    Ok(())
+}
+
+/// Makes a folder, with those it lies in.
+pub(super) fn make_folder(folder: &Path) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder).map_err(|error| {
+        Failure::usage(format!(
+            "{}: cannot make this folder: {error}\n\nhint: choose another with --out",
+            folder.display()
+        ))
+    })
+}
+
+/// Writes a whole file.
+pub(super) fn write_file(path: &Path, text: &str) -> Result<(), Failure> {
+    std::fs::write(path, text).map_err(|error| {
+        Failure::new(
+            FailureKind::Failed,
+            format!("{}: cannot write it: {error}\n\nhint: check permissions and free space", path.display()),
+        )
+    })
 }

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use serde_json::Value;
 
 use super::failure::{Failure, FailureKind};
-use super::outputs::{Outputs, support_outline};
+use super::outputs::Outputs;
 use super::session::build_fingerprint;
 use super::show;
 use crate::character::{CharacterModel, STANDING_MJCF};
@@ -57,9 +57,9 @@ pub(super) fn run(args: &ReplayArgs, json: bool) -> Result<ExitCode, Failure> {
         .map_or(("standing.xml", STANDING_MJCF), |(name, text)| (name.as_str(), text.as_str()));
     let model =
         CharacterModel::from_mjcf(model_text, model_name).map_err(crate::config::ConfigError::from)?;
-    let support_polygon = support_outline(&config.core, &model)?;
     let push_end_s = config.core.push.map(|push| push.start_s + push.duration_s);
     let mut core = Core::new(config.core.clone(), model)?;
+    let support_polygon = core.green().support_outline();
     let outputs = Outputs::claim(args.out.as_deref(), None, args.force)?;
 
     let (mut trace, mut times) = (Trace::new(), TickTimes::new());

@@ -9,7 +9,7 @@ use std::sync::atomic::Ordering;
 use super::assemble::{Pace, open_source};
 use super::console::{listen_for_keys, show_status, stop_on_ctrl_c};
 use super::failure::{Failure, FailureKind};
-use super::outputs::{Outputs, support_outline};
+use super::outputs::Outputs;
 use super::show;
 use crate::config::Config;
 use crate::device::Selector;
@@ -51,8 +51,8 @@ impl Session {
             show::note(&format!("note: {note}"));
         }
         let gravity = model.gravity.norm();
-        let support_polygon = support_outline(&self.config.core, &model)?;
         let core = Core::new(self.config.core.clone(), model)?;
+        let support_polygon = core.green().support_outline();
         let outputs = Outputs::claim(self.out.as_deref(), self.record.as_deref(), self.force)?;
         let clock: Arc<dyn Clock> = Arc::new(SystemClock::start_now());
         let source = open_source(&self.config, &self.selector, gravity, self.pace, &clock)?;

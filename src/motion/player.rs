@@ -48,6 +48,12 @@ impl Player {
         self.trajectory.first_pose()
     }
 
+    /// Whether the motion has been played to its end.
+    pub fn has_finished(&self) -> bool {
+        let since = self.began.map(|began| (self.ticks - began) as f64 * TICK_S);
+        since.is_some_and(|since| since >= self.trajectory.duration_s())
+    }
+
     /// The reference for the coming tick on a turntable that turns with `platform_rate` rad/s.
     pub fn next_reference(&mut self, platform_rate: f64) -> Reference {
         let stopped = self.spin.has_ended(platform_rate);

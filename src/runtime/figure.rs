@@ -19,6 +19,10 @@ use crate::vestibular::{NewmanObserver, OrientationObserver};
 /// Height of the centre of mass at which a fallen body rests, m. Only the feet can touch the ground.
 const RESTING_HEIGHT: f64 = 0.25;
 
+/// Fastest hinge (rad/s) and pelvis (rad/s, m/s) that are believed: a pitcher's shoulder, the fastest human joint, turns
+/// with 120 rad/s. Torques at their limit would spin a hand past any number once the feet have lost the ground.
+const FASTEST: f64 = 200.0;
+
 /// Whom the balance controller believes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Vestibular {
@@ -171,11 +175,13 @@ impl Figure {
         }
     }
 
-    /// Steps the body; a step that does not end in finite numbers is taken back and counts as a fall.
+    /// Steps the body; a step that does not end in finite numbers, or in a motion no body makes, is taken back and
+    /// counts as a fall.
     fn advance(&mut self, input: &StepInput) {
         let before = self.engine.snapshot();
         self.torques = self.engine.step(input).joint_torques;
-        if !self.engine.state().is_finite() {
+        let state = self.engine.state();
+        if !state.is_finite() || state.velocity.amax() > FASTEST {
             self.posture = Posture::Fallen;
             let mut last_good = before;
             last_good.state.velocity.fill(0.0);
@@ -183,9 +189,28 @@ impl Figure {
         }
     }
 
+    /// The body's constants.
+    pub fn model(&self) -> &CharacterModel {
+        &self.model
+    }
+
+    /// Corners of the support polygon around its centroid in the standing pose, forward and left, m.
+    pub fn support_outline(&self) -> Vec<[f64; 2]> {
+        let engine = Engine::new(self.model.clone(), self.settings.contact, self.standing);
+        let ground = GroundSurface::level(self.model.friction);
+        let support = perceive(&engine, &ground, &self.model.gravity).support;
+        let centre = support.centroid_world;
+        support.corners().iter().map(|corner| [corner.x - centre.x, corner.y - centre.y]).collect()
+    }
+
     /// Configuration and velocity of the body.
     pub fn state(&self) -> &CharacterState {
         self.engine.state()
+    }
+
+    /// Whether it has played its motion to the end; false without a motion.
+    pub fn has_finished_motion(&self) -> bool {
+        self.player.as_ref().is_some_and(Player::has_finished)
     }
 
     /// How far the posture is from the reference it follows: the largest angle of one hinge, rad.
@@ -297,5 +322,21 @@ mod tests {
         let mut toes_up = upright;
         toes_up.joint_angles[model.joint("foot_r_y").unwrap()] = -0.2;
         assert!((tilt(toes_up) - 0.2).abs() < 1e-12, "the other foot is flat");
+    }
+
+    #[test]
+    fn a_motion_no_body_makes_is_a_fall_and_is_taken_back() {
+        let model = Arc::new(CharacterModel::standing().unwrap());
+        let settings = Arc::new(CoreSettings::default());
+        let standing = crate::dynamics::standing_pose(&model, &settings.pose).unwrap();
+        let observer = NewmanObserver::new(ObserverParameters::default()).unwrap();
+        let mut figure = Figure::new(Vestibular::Perfect, settings, model.clone(), standing, observer);
+        let mut spinning = standing;
+        spinning.velocity[6 + model.joint("hand_l_y").unwrap()] = 1e4;
+        figure.engine.set_state(spinning);
+        let output = figure.step(&PlatformMotion::default(), &ChairResidual::default(), None);
+        assert_eq!(output.posture, Posture::Fallen);
+        let (end, limit) = (figure.state(), FASTEST);
+        assert!(end.is_finite() && end.velocity.amax() < limit, "{}", end.velocity.amax());
     }
 }
