@@ -11,12 +11,13 @@ use crate::units::DEG_PER_RAD;
 
 /// From one written row to the next, ticks.
 const ROW_TICKS: u64 = 10_000_000 / TICK_NS;
-const COLUMNS: [&str; 12] = [
+const COLUMNS: [&str; 13] = [
     "run",
     "character",
     "time_s",
     "com_sway_deg",
     "gravity_tilt_deg",
+    "foot_tilt_deg",
     "com_x_m",
     "com_y_m",
     "cop_x_m",
@@ -70,6 +71,7 @@ fn fields(curve: &Curve, row: &Row) -> [String; COLUMNS.len()] {
         number(row.tick.time_s(), 3),
         number(f64::from(character.com_sway) * DEG_PER_RAD, 4),
         number(f64::from(character.gravity_tilt) * DEG_PER_RAD, 4),
+        number(f64::from(character.foot_tilt) * DEG_PER_RAD, 4),
         number(character.com[0].into(), 6),
         number(character.com[1].into(), 6),
         number(character.cop[0].into(), 6),

@@ -5,12 +5,12 @@ use super::trace::{Character, Trace};
 
 /// A sway that never exceeds this is standing still, deg (the limit the perfectly perceiving character keeps).
 const STILL_DEG: f64 = 0.3;
-/// Recovered: the sway of the last seconds stays below this part of the peak.
-const RECOVERED_OF_PEAK: f64 = 0.5;
-/// Length of the end of the run that shows whether a character recovered, s.
+/// Steadied: the sway of the last seconds stays below this part of the peak.
+const STEADY_OF_PEAK: f64 = 0.5;
+/// Length of the end of the run that shows whether a character steadied, s.
 const LAST_S: f64 = 2.0;
 
-/// For example "green swayed up to 6.0 deg and recovered; blue stood still".
+/// For example "green swayed up to 6.0 deg and steadied; blue stayed balanced".
 pub fn sentence(
     trace: &Trace,
     windows: &Windows,
@@ -30,10 +30,10 @@ fn fared(trace: &Trace, windows: &Windows, metrics: &CharacterMetrics, character
         return "stood".into();
     };
     if peak_deg < STILL_DEG {
-        return "stood still".into();
+        return "stayed balanced".into();
     }
-    let end = if last_sway_deg(trace, character) < RECOVERED_OF_PEAK * peak_deg {
-        "recovered"
+    let end = if last_sway_deg(trace, character) < STEADY_OF_PEAK * peak_deg {
+        "steadied"
     } else {
         "still swayed at the end"
     };

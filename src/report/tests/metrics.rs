@@ -34,7 +34,7 @@ fn golden_30_rpm_15_s() {
     near(blue.peak_com_sway_deg, 0.090, 0.005);
     near(blue.cop_within_5mm_after_stop, 1.0, 0.0);
     assert_eq!((green.fell_at_s, blue.fell_at_s), (None, None));
-    assert_eq!(verdict, "green swayed up to 6.0 deg and recovered; blue stood still");
+    assert_eq!(verdict, "green swayed up to 6.0 deg and steadied; blue stayed balanced");
 }
 
 #[test]
@@ -146,9 +146,9 @@ fn peaks_go_up_to_the_fall_and_the_fall_is_told() {
     near(analysis.green.peak_com_sway_deg, 12.0, 1e-5);
     assert_eq!(analysis.green.com_range_after_stop_m, Some([0.0, 0.0]));
     near(analysis.green.cop_within_5mm_after_stop, 4501.0 / 8001.0, 1e-6);
-    assert_eq!(analysis.verdict, "green fell at 6.5 s; blue stood still");
+    assert_eq!(analysis.verdict, "green fell at 6.5 s; blue stayed balanced");
     let pushed = Analysis::new(&trace, Some(2.1));
-    assert_eq!(pushed.verdict, "green fell 4.4 s after the push; blue stood still");
+    assert_eq!(pushed.verdict, "green fell 4.4 s after the push; blue stayed balanced");
 }
 
 #[test]
