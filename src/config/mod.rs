@@ -95,7 +95,7 @@ pub enum ConfigError {
     },
     /// A motion that is neither built in nor a file that can be read.
     #[error(
-        "{file}: motion `{got}` is neither built in nor a file: {source}\n\nhint: built in are {known}; anything else is the \
+        "{file}: motion `{got}` is neither built in nor a file\n\nhint: built in are {known}; anything else is the \
          path of a TOML file of key poses"
     )]
     MotionName {
@@ -105,8 +105,6 @@ pub enum ConfigError {
         got: String,
         /// The names there are.
         known: String,
-        /// What the operating system said.
-        source: std::io::Error,
     },
     /// A bad motion file.
     #[error("{file}: {}", with_own_hint(source, SHOW_MOTION))]
@@ -291,11 +289,13 @@ fn read(path: &Path) -> Result<String, ConfigError> {
 fn read_motion(name: &str, named_in: &str) -> Result<MotionSettings, ConfigError> {
     let text = match shipped_motion(name) {
         Some(text) => text.to_owned(),
-        None => std::fs::read_to_string(name).map_err(|source| ConfigError::MotionName {
-            file: named_in.to_owned(),
-            got: name.to_owned(),
-            known: MOTION_NAMES.join(", "),
-            source,
+        None => std::fs::read_to_string(name).map_err(|source| match source.kind() {
+            ErrorKind::NotFound => ConfigError::MotionName {
+                file: named_in.to_owned(),
+                got: name.to_owned(),
+                known: MOTION_NAMES.join(", "),
+            },
+            _ => ConfigError::File { path: PathBuf::from(name), source },
         })?,
     };
     MotionSettings::from_toml(&text).map_err(|source| ConfigError::Motion { file: name.to_owned(), source })

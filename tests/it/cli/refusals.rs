@@ -116,7 +116,7 @@ fn motions_that_are_none() {
     let place = Place::new();
     moment(&place, &["--motion", "sleep"])
         .refused(2, &["command line: motion `sleep`", "reach, drink, stand-up"]);
-    moment(&place, &["--motion", "."]).refused(2, &["motion `.`", "directory"]);
+    moment(&place, &["--motion", "."]).refused(2, &[".: cannot read it", "folder"]);
     for (angles, parts) in [
         (
             "neck_y = -90",
