@@ -14,6 +14,7 @@ pub mod imu;
 pub mod motion;
 pub mod record;
 pub mod report;
+pub mod reproduce;
 pub mod runtime;
 pub mod tick;
 pub mod time;

@@ -56,7 +56,7 @@ pub(super) fn run(args: &DemoArgs, json: bool) -> Result<ExitCode, Failure> {
 }
 
 /// A folder name that is not taken: date and time, and a number if two runs start in one second.
-fn new_folder(parent: &Path) -> PathBuf {
+pub(super) fn new_folder(parent: &Path) -> PathBuf {
     let name = format!("otolith-{}", utc_now_compact());
     let numbered = (2..).map(|n| parent.join(format!("{name}-{n}")));
     std::iter::once(parent.join(&name))

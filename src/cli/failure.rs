@@ -8,6 +8,7 @@ use super::perceive::PerceiveError;
 use crate::config::ConfigError;
 use crate::device::DeviceError;
 use crate::record::RecordError;
+use crate::reproduce::{DrawingError, ExperimentError};
 use crate::runtime::CoreSettingsError;
 
 /// Kinds of failure; the value is the exit code.
@@ -73,6 +74,18 @@ impl From<ConfigError> for Failure {
 impl From<CoreSettingsError> for Failure {
     fn from(error: CoreSettingsError) -> Self {
         Self::usage(error.to_string())
+    }
+}
+
+impl From<ExperimentError> for Failure {
+    fn from(error: ExperimentError) -> Self {
+        Self::usage(error.to_string())
+    }
+}
+
+impl From<DrawingError> for Failure {
+    fn from(error: DrawingError) -> Self {
+        Self::new(FailureKind::Failed, error.to_string())
     }
 }
 

@@ -9,6 +9,7 @@ mod inspect;
 mod outputs;
 pub mod perceive;
 mod replay;
+mod reproduce;
 mod run;
 mod session;
 mod show;
@@ -30,7 +31,8 @@ pub use failure::{Failure, FailureKind};
     otolith demo                                      a mock chair: 30 rpm for 15 s\n  \
     otolith run --device serial:/dev/ttyUSB0 --out my-run --record my-run.mcap\n  \
     otolith run --device replay:log.txt --log-map configs/logs/turntable-lsm9ds1.toml --pace max\n  \
-    otolith replay my-run.mcap --verify"
+    otolith replay my-run.mcap --verify\n  \
+    otolith reproduce                                 the paper's claims and figures"
 )]
 struct Cli {
     #[command(subcommand)]
@@ -46,6 +48,7 @@ enum Command {
     Demo(demo::DemoArgs),
     Run(Box<run::RunArgs>),
     Replay(replay::ReplayArgs),
+    Reproduce(reproduce::ReproduceArgs),
     Perceive(perceive::PerceiveArgs),
     Devices(devices::DevicesArgs),
     Inspect(inspect::InspectArgs),
@@ -59,6 +62,7 @@ pub fn main() -> ExitCode {
         Command::Demo(args) => demo::run(args, json),
         Command::Run(args) => run::run(args, json),
         Command::Replay(args) => replay::run(args, json),
+        Command::Reproduce(args) => reproduce::run(args, json),
         Command::Perceive(args) => perceive::run(args).map_err(Failure::from).and_then(|summary| {
             show::result(&summary, json)?;
             Ok(ExitCode::SUCCESS)

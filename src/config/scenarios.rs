@@ -26,7 +26,14 @@ scenarios![
     "spin-30rpm-17s-tau-2-85",
     "spin-30rpm-17s",
     "spin-30rpm-17s-tau-11-4",
+    "motion-reach",
+    "motion-drink",
+    "motion-stand-up",
     "spin-30rpm-14s",
+    "recovery-10rpm-15s",
+    "recovery-20rpm-15s",
+    "recovery-30rpm-10s",
+    "recovery-30rpm-15s",
 ];
 
 impl Config {
@@ -73,6 +80,18 @@ mod tests {
     fn an_unknown_scenario_is_refused_with_the_names_there_are() {
         let error = Config::scenario("spin").unwrap_err().to_string();
         assert!(error.contains("`spin`") && error.contains("spin-30rpm-15s"), "{error}");
+    }
+
+    #[test]
+    fn all_scenarios_share_one_parameter_set_and_change_only_what_their_figure_varies() {
+        for name in SCENARIO_NAMES {
+            let mut core = Config::scenario(name).unwrap().core;
+            (core.push, core.motion) = (None, None);
+            if name.contains("-tau-") {
+                core.observer = Default::default();
+            }
+            assert_eq!(core, crate::runtime::CoreSettings::default(), "{name}");
+        }
     }
 
     #[test]

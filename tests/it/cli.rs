@@ -6,6 +6,7 @@ mod logs;
 mod perceive;
 mod recording;
 mod refusals;
+mod reproduce;
 mod terminal;
 
 use std::path::{Path, PathBuf};
