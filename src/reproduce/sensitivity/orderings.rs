@@ -28,8 +28,10 @@ pub struct SeedVerdict {
     pub by_speed: bool,
     /// 10 < 15 s, and 20 s is a fall.
     pub by_duration: bool,
-    /// After 17 s canals of 2.85 s fall, 5.7 s do not, and 11.4 s sway less.
+    /// After 17 s canals of 2.85 s fall and are worst, and 11.4 s are mildest.
     pub by_time_constant: bool,
+    /// After 17 s canals of 5.7 s stay up.
+    pub usual_stands: bool,
     /// Green sways more than blue, after the spin and after the push.
     pub green_above_blue: bool,
     /// Shortest spin at 30 rpm after which green falls.
@@ -58,13 +60,14 @@ impl SeedVerdict {
             peak_foot_tilt_deg: base.peak_foot_tilt_deg,
             by_speed: milder(&slow, &middle) && milder(&middle, &base) && stands(&base),
             by_duration: milder(&short, &base) && milder(&base, &long) && !stands(&long),
-            by_time_constant: !stands(&susceptible) && stands(&usual) && milder(&hardy, &usual),
+            by_time_constant: !stands(&susceptible) && milder(&usual, &susceptible) && milder(&hardy, &usual),
+            usual_stands: stands(&usual),
             green_above_blue: milder(&base_blue, &base) && milder(&push_blue, &push),
             fall_threshold: fall_threshold(&imu, stop)?,
         })
     }
 
-    /// Whether every ordering holds.
+    /// Whether every ordering holds; that 5.7 s stay up is no ordering.
     pub fn holds(&self) -> bool {
         self.by_speed && self.by_duration && self.by_time_constant && self.green_above_blue
     }
@@ -74,10 +77,14 @@ fn stands(metrics: &CharacterMetrics) -> bool {
     metrics.fell_at_s.is_none()
 }
 
-/// Whether `one` stood and swayed and tilted less than `other`, or `other` fell.
+/// Whether `one` swayed and tilted less than `other`; who falls fares worse, and the earlier the worse.
 fn milder(one: &CharacterMetrics, other: &CharacterMetrics) -> bool {
-    stands(one)
-        && (!stands(other)
-            || (one.peak_com_sway_deg < other.peak_com_sway_deg
-                && one.peak_gravity_tilt_deg < other.peak_gravity_tilt_deg))
+    match (one.fell_at_s, other.fell_at_s) {
+        (None, None) => {
+            one.peak_com_sway_deg < other.peak_com_sway_deg
+                && one.peak_gravity_tilt_deg < other.peak_gravity_tilt_deg
+        }
+        (Some(one_s), Some(other_s)) => one_s > other_s,
+        (fell, _) => fell.is_none(),
+    }
 }
