@@ -22,7 +22,7 @@ use crate::time::{Clock, SystemClock};
 /// each; the stills of Figures 8 and 10 show moments of fig9.csv and fig11.csv. Ends with exit code 0 when every required claim holds, with 1 when one does not.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
-    otolith reproduce                          everything, in about half a minute\n  \
+    otolith reproduce                          everything: 18 minutes of simulated time\n  \
     otolith reproduce --only fig9,fig13 --out figures\n  \
     otolith reproduce --json                   for machines\n  \
     otolith reproduce --sensitivity            how sharp the verdicts are (minutes)\n\n\
