@@ -17,7 +17,7 @@ use crate::device::protocol::PacketDecoder;
 use crate::device::protocol::detect::{TEXT, decoder_by_name, decoder_for};
 use crate::device::protocol::text::{TextDecoder, TextMapping};
 use crate::device::replay::{self, FileKind};
-use crate::device::{self, DeviceError, LinkError, Selector, Traffic};
+use crate::device::{self, DeviceError, LinkError, Selector};
 use crate::time::{Clock, SystemClock};
 use inspection::Inspection;
 use tally::Tally;
@@ -70,10 +70,7 @@ fn log(args: &InspectArgs) -> Result<Inspection, Failure> {
             }
         }
     }
-    if decoder.protocol() == TEXT {
-        // The last line may end without a break.
-        tally.take(decoder.as_mut(), tally.last_at, Traffic::Bytes(b"\n"));
-    }
+    tally.finish(decoder.as_mut());
     let kind = format!("{:?}", replay::detect(&args.file)?).to_lowercase();
     let mut inspection = tally.inspection(&args.file, &kind, decoder.as_ref());
     inspection.link.bytes_skipped += link.status().bytes_skipped;
@@ -94,6 +91,7 @@ fn recording(args: &InspectArgs) -> Result<Inspection, Failure> {
         let piece = piece?;
         tally.take(decoder.as_mut(), piece.at, piece.traffic());
     }
+    tally.finish(decoder.as_mut());
     let mut inspection = tally.inspection(&args.file, "recording", decoder.as_ref());
     inspection.ticks = Some(recording.damage().ticks_read);
     inspection.damage = Some(recording.damage().clone());

@@ -114,12 +114,9 @@ impl Source {
     fn end(&mut self, sink: &mut dyn SourceSink) {
         let Self { decoder, pipeline, .. } = self;
         let at = self.last_at;
-        // A log may end without a line break; to every other decoder one more byte is nothing.
-        if decoder.protocol() == crate::device::protocol::detect::TEXT {
-            decoder.push(Traffic::Bytes(b"\n"), &mut |reading: ImuReading| {
-                pipeline.push(&reading, at, &mut |sample| sink.sample(sample));
-            });
-        }
+        decoder.finish(&mut |reading: ImuReading| {
+            pipeline.push(&reading, at, &mut |sample| sink.sample(sample));
+        });
         pipeline.finish(&mut |sample| sink.sample(sample));
     }
 

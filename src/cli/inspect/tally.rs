@@ -6,8 +6,8 @@ use nalgebra::Vector3;
 
 use super::inspection::{Inspection, Range};
 use crate::device::Traffic;
-use crate::device::protocol::detect::PROTOCOLS;
-use crate::device::protocol::{DeviceTime, ImuReading, PacketDecoder};
+use crate::device::protocol::detect::protocol_names;
+use crate::device::protocol::{DecodeCounters, DeviceTime, ImuReading, PacketDecoder};
 use crate::report::LinkCounters;
 use crate::time::HostTime;
 
@@ -25,7 +25,7 @@ pub(super) struct Tally {
     /// Time by the device's clock since its first sample, µs.
     device_us: i64,
     /// Arrival of the last piece.
-    pub(super) last_at: HostTime,
+    last_at: HostTime,
     omega: Extent,
     force: Extent,
 }
@@ -60,6 +60,12 @@ impl Tally {
     pub(super) fn take(&mut self, decoder: &mut dyn PacketDecoder, at: HostTime, traffic: Traffic<'_>) {
         self.last_at = at;
         decoder.push(traffic, &mut |reading| self.reading(at, &reading));
+    }
+
+    /// The file has ended.
+    pub(super) fn finish(&mut self, decoder: &mut dyn PacketDecoder) {
+        let at = self.last_at;
+        decoder.finish(&mut |reading| self.reading(at, &reading));
     }
 
     fn reading(&mut self, at: HostTime, reading: &ImuReading) {
@@ -122,16 +128,16 @@ impl Tally {
             ticks: None,
             damage: None,
             events: Vec::new(),
-            notes: self.notes(decoder, counters.unknown),
+            notes: self.notes(decoder, &counters),
         }
     }
 
     /// What is missing, in words.
-    fn notes(&self, decoder: &dyn PacketDecoder, unknown: u64) -> Vec<String> {
+    fn notes(&self, decoder: &dyn PacketDecoder, counters: &DecodeCounters) -> Vec<String> {
         let mut notes = Vec::new();
         if self.samples == 0 {
             notes.push(match decoder.protocol() {
-                "unknown" => format!("no sample was found: this is none of {}", PROTOCOLS.join(", ")),
+                "unknown" => format!("no sample was found: this is none of {}", protocol_names()),
                 protocol => format!("no sample of protocol {protocol} was found"),
             });
         }
@@ -141,9 +147,17 @@ impl Tally {
         if self.without_time > 0 {
             notes.push("no device time: samples are dated by arrival".to_owned());
         }
-        if unknown > 0 {
-            notes.push(format!("{unknown} packets of a type this decoder does not know"));
-        }
+        let counted = [
+            (counters.unknown, "packets of a type this decoder does not know"),
+            (counters.withheld, "samples came before the device had told their scale"),
+            (counters.lone_halves, "halves of a sample came without the other half"),
+            (counters.device_errors, "errors reported by the device"),
+            (counters.unfinished_bytes, "bytes of an unfinished packet at the end"),
+        ];
+        notes.extend(
+            counted.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}")),
+        );
+        notes.extend(decoder.notes());
         notes
     }
 }

@@ -11,11 +11,55 @@ pub const OTOLITH_SERIAL: &str = "otolith-serial";
 pub const OTOLITH_CAN: &str = "otolith-can";
 /// Lines of text, described by a mapping file.
 pub const TEXT: &str = "text";
-/// Every name `--protocol` takes.
-pub const PROTOCOLS: [&str; 3] = [OTOLITH_SERIAL, OTOLITH_CAN, TEXT];
 
-/// Good packets after which a protocol counts as found. A checksum of 16 bits is right by chance once in 65536.
-const CERTAIN_AFTER: u64 = 3;
+/// What kind of traffic carries a protocol.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bus {
+    /// Bytes.
+    Serial,
+    /// CAN frames.
+    Can,
+}
+
+/// A protocol otolith reads.
+#[derive(Clone, Copy, Debug)]
+pub struct Protocol {
+    /// Name, as `--protocol` takes it.
+    pub name: &'static str,
+    /// What carries it.
+    pub bus: Bus,
+    /// Good packets after which it counts as found; `None` when it is never looked for. The weaker the checksum, the
+    /// more: 16 bits are right by chance once in 65536, 8 bits once in 256.
+    pub certain_after: Option<u64>,
+    /// Makes a decoder; `None` when that takes a mapping.
+    make: Option<fn() -> Box<dyn PacketDecoder>>,
+}
+
+/// Every protocol, those that are looked for in the order in which ties are decided.
+pub const PROTOCOLS: &[Protocol] = &[
+    Protocol {
+        name: OTOLITH_SERIAL,
+        bus: Bus::Serial,
+        certain_after: Some(3),
+        make: Some(|| Box::new(NativeSerialDecoder::new())),
+    },
+    Protocol {
+        name: OTOLITH_CAN,
+        bus: Bus::Can,
+        certain_after: Some(3),
+        make: Some(|| Box::new(NativeCanDecoder::new(None))),
+    },
+    Protocol { name: TEXT, bus: Bus::Serial, certain_after: None, make: None },
+];
+
+/// Share of all bytes that a protocol must understand to count as found: a checksum that is right by chance now and
+/// then does not make noise a protocol.
+const UNDERSTOOD_SHARE: f64 = 0.5;
+
+/// The names of all protocols, for people.
+pub fn protocol_names() -> String {
+    PROTOCOLS.iter().map(|protocol| protocol.name).collect::<Vec<_>>().join(", ")
+}
 
 /// The decoder of the protocol called `name`.
 ///
@@ -23,20 +67,36 @@ const CERTAIN_AFTER: u64 = 3;
 /// [`DeviceError::UnknownProtocol`] with the names there are; [`DeviceError::NeedsMapping`] for text, whose decoder
 /// is made from a mapping.
 pub fn decoder_by_name(name: &str) -> Result<Box<dyn PacketDecoder>, DeviceError> {
-    match name {
-        OTOLITH_SERIAL => Ok(Box::new(NativeSerialDecoder::new())),
-        OTOLITH_CAN => Ok(Box::new(NativeCanDecoder::new(None))),
-        TEXT => Err(DeviceError::NeedsMapping),
-        _ => Err(DeviceError::UnknownProtocol { got: name.to_owned(), known: PROTOCOLS.join(", ") }),
+    match PROTOCOLS.iter().find(|protocol| protocol.name == name) {
+        Some(Protocol { make: Some(make), .. }) => Ok(make()),
+        Some(_) => Err(DeviceError::NeedsMapping),
+        None => Err(DeviceError::UnknownProtocol { got: name.to_owned(), known: protocol_names() }),
     }
 }
 
 /// The decoder for a device whose protocol was not named.
 pub fn decoder_for(selector: &Selector) -> Box<dyn PacketDecoder> {
     match selector {
-        Selector::Can { node, .. } => Box::new(NativeCanDecoder::new(*node)),
+        Selector::Can { node: Some(node), .. } => Box::new(NativeCanDecoder::new(Some(*node))),
+        Selector::Can { node: None, .. } => Box::new(AutoDecoder::on(&[Bus::Can])),
         Selector::Mock(_) => Box::new(NativeSerialDecoder::new()),
-        Selector::Serial { .. } | Selector::Replay { .. } => Box::new(AutoDecoder::new()),
+        Selector::Serial { .. } => Box::new(AutoDecoder::on(&[Bus::Serial])),
+        Selector::Replay { .. } => Box::new(AutoDecoder::on(&[Bus::Serial, Bus::Can])),
+    }
+}
+
+/// A protocol that may be the one, with its decoder.
+struct Candidate {
+    decoder: Box<dyn PacketDecoder>,
+    certain_after: u64,
+}
+
+impl Candidate {
+    /// Whether this is the protocol, after `bytes` bytes of serial traffic.
+    fn is_certain(&self, bytes: u64) -> bool {
+        let DecodeCounters { packets, bytes_skipped, .. } = self.decoder.counters();
+        let understood = bytes.saturating_sub(bytes_skipped) as f64;
+        packets >= self.certain_after && understood >= UNDERSTOOD_SHARE * bytes as f64
     }
 }
 
@@ -45,66 +105,82 @@ pub fn decoder_for(selector: &Selector) -> Box<dyn PacketDecoder> {
 /// Readings come from the decoder with the most good packets. [`PacketDecoder::protocol`] says `unknown` until a
 /// protocol is certain.
 pub struct AutoDecoder {
-    candidates: Vec<Box<dyn PacketDecoder>>,
+    candidates: Vec<Candidate>,
+    bytes: u64,
 }
 
 impl std::fmt::Debug for AutoDecoder {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let names: Vec<_> = self.candidates.iter().map(|decoder| decoder.protocol()).collect();
-        f.debug_struct("AutoDecoder").field("candidates", &names).finish()
-    }
-}
-
-impl Default for AutoDecoder {
-    fn default() -> Self {
-        Self::new()
+        let names: Vec<_> = self.candidates.iter().map(|candidate| candidate.decoder.protocol()).collect();
+        f.debug_struct("AutoDecoder").field("candidates", &names).finish_non_exhaustive()
     }
 }
 
 impl AutoDecoder {
-    /// A decoder that knows nothing yet.
-    pub fn new() -> Self {
-        Self { candidates: vec![Box::new(NativeSerialDecoder::new()), Box::new(NativeCanDecoder::new(None))] }
+    /// A decoder that knows nothing yet, for traffic of these kinds.
+    pub fn on(buses: &[Bus]) -> Self {
+        let possible = PROTOCOLS.iter().filter(|protocol| buses.contains(&protocol.bus));
+        let candidates = possible
+            .filter_map(|protocol| {
+                Some(Candidate { decoder: protocol.make?(), certain_after: protocol.certain_after? })
+            })
+            .collect();
+        Self { candidates, bytes: 0 }
     }
 
     /// The decoder that understands most; of several that understand nothing, the one that has skipped most, so
     /// that silence and noise look different.
     fn leader(&self) -> Option<&dyn PacketDecoder> {
-        let best = self.candidates.iter().max_by_key(|decoder| {
-            let DecodeCounters { packets, bytes_skipped, .. } = decoder.counters();
+        let best = self.candidates.iter().max_by_key(|candidate| {
+            let DecodeCounters { packets, bytes_skipped, .. } = candidate.decoder.counters();
             (packets, bytes_skipped)
         })?;
-        Some(best.as_ref())
+        Some(best.decoder.as_ref())
+    }
+
+    /// Calls `act` on every candidate, with readings from the leader alone.
+    fn with_each(
+        &mut self,
+        on_reading: &mut dyn FnMut(ImuReading),
+        act: impl Fn(&mut dyn PacketDecoder, &mut dyn FnMut(ImuReading)),
+    ) {
+        if let [found] = self.candidates.as_mut_slice() {
+            return act(found.decoder.as_mut(), on_reading);
+        }
+        for index in 0..self.candidates.len() {
+            let others = self.candidates.iter().enumerate().filter(|(other, _)| *other != index);
+            let most_of_others =
+                others.map(|(_, candidate)| candidate.decoder.counters().packets).max().unwrap_or(0);
+            let decoder = self.candidates[index].decoder.as_mut();
+            let leads = decoder.counters().packets >= most_of_others;
+            act(decoder, &mut |reading| {
+                if leads {
+                    on_reading(reading);
+                }
+            });
+        }
     }
 }
 
 impl PacketDecoder for AutoDecoder {
     fn protocol(&self) -> &'static str {
         match self.candidates.as_slice() {
-            [found] => found.protocol(),
+            [found] => found.decoder.protocol(),
             _ => "unknown",
         }
     }
 
     fn push(&mut self, traffic: Traffic<'_>, on_reading: &mut dyn FnMut(ImuReading)) {
-        if let [found] = self.candidates.as_mut_slice() {
-            return found.push(traffic, on_reading);
-        }
-        for index in 0..self.candidates.len() {
-            let others = self.candidates.iter().enumerate().filter(|(other, _)| *other != index);
-            let most_of_others = others.map(|(_, decoder)| decoder.counters().packets).max().unwrap_or(0);
-            let candidate = &mut self.candidates[index];
-            let leads = candidate.counters().packets >= most_of_others;
-            candidate.push(traffic, &mut |reading| {
-                if leads {
-                    on_reading(reading);
-                }
-            });
-        }
-        let certain = self.candidates.iter().position(|decoder| decoder.counters().packets >= CERTAIN_AFTER);
-        if let Some(found) = certain {
-            self.candidates.swap(0, found);
-            self.candidates.truncate(1);
+        self.with_each(on_reading, |decoder, on_reading| decoder.push(traffic, on_reading));
+        if self.candidates.len() > 1 {
+            if let Traffic::Bytes(bytes) = traffic {
+                self.bytes += bytes.len() as u64;
+            }
+            if let Some(found) = self.candidates.iter().position(|candidate| candidate.is_certain(self.bytes))
+            {
+                self.candidates.swap(0, found);
+                self.candidates.truncate(1);
+            }
         }
     }
 
@@ -130,13 +206,21 @@ impl PacketDecoder for AutoDecoder {
 
     fn poll_transmit(&mut self, host_time_us: u64, out: &mut [u8; 64]) -> Option<usize> {
         match self.candidates.as_mut_slice() {
-            [found] => found.poll_transmit(host_time_us, out),
+            [found] => found.decoder.poll_transmit(host_time_us, out),
             _ => None,
         }
     }
 
     fn rejoin(&mut self) {
-        self.candidates.iter_mut().for_each(|decoder| decoder.rejoin());
+        self.candidates.iter_mut().for_each(|candidate| candidate.decoder.rejoin());
+    }
+
+    fn finish(&mut self, on_reading: &mut dyn FnMut(ImuReading)) {
+        self.with_each(on_reading, |decoder, on_reading| decoder.finish(on_reading));
+    }
+
+    fn notes(&self) -> Vec<String> {
+        self.leader().map(PacketDecoder::notes).unwrap_or_default()
     }
 }
 
@@ -148,21 +232,18 @@ mod tests {
 
     #[test]
     fn every_name_is_known_and_others_are_refused() {
-        for name in [OTOLITH_SERIAL, OTOLITH_CAN] {
-            assert_eq!(decoder_by_name(name).expect("known").protocol(), name);
+        for protocol in PROTOCOLS.iter().filter(|protocol| protocol.make.is_some()) {
+            assert_eq!(decoder_by_name(protocol.name).expect("known").protocol(), protocol.name);
         }
-        let text = decoder_by_name("xbus").err().expect("unknown").to_string();
-        assert!(
-            text.contains("protocol `xbus` is not known")
-                && text.contains("otolith-serial, otolith-can, text")
-        );
+        let text = decoder_by_name("morse").err().expect("unknown").to_string();
+        assert!(text.contains("protocol `morse` is not known") && text.contains(&protocol_names()));
         assert!(decoder_by_name(TEXT).err().expect("needs a mapping").to_string().contains("--log-map"));
     }
 
     #[test]
     fn the_serial_protocol_is_found_without_losing_a_sample() {
         let params = MockParams { rest_s: 0.5, ..MockParams::rest() };
-        let mut decoder = AutoDecoder::new();
+        let mut decoder = AutoDecoder::on(&[Bus::Serial, Bus::Can]);
         let mut readings = 0;
         assert_eq!(decoder.protocol(), "unknown");
         for (_, bytes) in drain(&mut MockChair::new(params).expect("in range")) {
@@ -175,7 +256,7 @@ mod tests {
 
     #[test]
     fn noise_is_nobodys_and_is_counted() {
-        let mut decoder = AutoDecoder::new();
+        let mut decoder = AutoDecoder::on(&[Bus::Serial, Bus::Can]);
         for _ in 0..100 {
             decoder.push(Traffic::Bytes(&[0x55; 50]), &mut |_| panic!("no sample in this"));
         }

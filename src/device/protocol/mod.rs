@@ -6,8 +6,10 @@ use super::Traffic;
 
 pub mod detect;
 mod drops;
+mod frames;
 pub mod native_can;
 pub mod native_serial;
+mod period;
 mod sync;
 pub mod text;
 
@@ -53,6 +55,12 @@ pub struct DecodeCounters {
     pub device_dropped: u64,
     /// Samples that came before the device had told their scale, and are therefore not used.
     pub withheld: u64,
+    /// Halves of a sample (gyroscope or accelerometer) that came without the other half.
+    pub lone_halves: u64,
+    /// Errors the device itself reported.
+    pub device_errors: u64,
+    /// Bytes of a frame that had begun when the traffic ended.
+    pub unfinished_bytes: u64,
 }
 
 /// What a device says about itself. Fields its protocol does not carry, or has not carried yet, are `None`.
@@ -103,6 +111,12 @@ pub trait PacketDecoder: Send {
     }
     /// The connection was lost and is back: forgets the unfinished frame, keeps counters and identity.
     fn rejoin(&mut self) {}
+    /// The traffic has ended: gives out what only its end completes, and counts what stays unfinished.
+    fn finish(&mut self, _on_reading: &mut dyn FnMut(ImuReading)) {}
+    /// What the protocol or this device does not say, in words: what is missing, assumed or not believed.
+    fn notes(&self) -> Vec<String> {
+        Vec::new()
+    }
 }
 
 impl PacketDecoder for Box<dyn PacketDecoder> {
@@ -132,5 +146,11 @@ impl PacketDecoder for Box<dyn PacketDecoder> {
     }
     fn rejoin(&mut self) {
         (**self).rejoin();
+    }
+    fn finish(&mut self, on_reading: &mut dyn FnMut(ImuReading)) {
+        (**self).finish(on_reading);
+    }
+    fn notes(&self) -> Vec<String> {
+        (**self).notes()
     }
 }

@@ -120,6 +120,7 @@ impl PacketDecoder for NativeCanDecoder {
             unknown: counted.unknown + counted.malformed,
             device_dropped: self.dropped.total(),
             withheld: self.withheld,
+            ..DecodeCounters::default()
         }
     }
 

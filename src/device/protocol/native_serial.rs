@@ -238,6 +238,7 @@ impl PacketDecoder for NativeSerialDecoder {
             unknown: stream.unknown + stream.malformed + self.content.not_finite,
             device_dropped: self.content.dropped.total(),
             withheld: self.content.withheld,
+            ..DecodeCounters::default()
         }
     }
 

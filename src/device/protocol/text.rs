@@ -23,7 +23,7 @@ pub const MAX_LINE: usize = 4096;
 
 /// Decoder of text lines. Bytes may be cut anywhere; lines end with LF or CR LF.
 ///
-/// A file whose last line has no line end needs one more LF, or [`TextDecoder::finish`].
+/// What stands after the last line end is read as a line by [`PacketDecoder::finish`].
 #[derive(Debug)]
 pub struct TextDecoder {
     rows: RowReader,
@@ -50,13 +50,6 @@ impl TextDecoder {
             overlong: false,
             time_shift_s: None,
             counters: DecodeCounters::default(),
-        }
-    }
-
-    /// Reads what stands after the last line end as a line. For the end of a file.
-    pub fn finish(&mut self, on_reading: &mut dyn FnMut(ImuReading)) {
-        if self.length > 0 || self.overlong {
-            self.end_line(on_reading);
         }
     }
 
@@ -126,6 +119,12 @@ impl PacketDecoder for TextDecoder {
 
     fn announced_rate_hz(&self) -> Option<f64> {
         self.rate_hz
+    }
+
+    fn finish(&mut self, on_reading: &mut dyn FnMut(ImuReading)) {
+        if self.length > 0 || self.overlong {
+            self.end_line(on_reading);
+        }
     }
 }
 
