@@ -13,6 +13,7 @@ use crate::time::{Clock, HostTime};
 pub mod bandwidth;
 mod buffer;
 pub mod can;
+pub mod configure;
 pub mod discover;
 mod error;
 pub mod fault;
