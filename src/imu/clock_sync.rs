@@ -2,11 +2,12 @@
 //!
 //! A packet can be late but never early, so the delays `arrival - device time` have a sharp lower edge, and the
 //! offset and drift of the device clock are a line along that edge. Batching by a USB chip (up to 16 ms) and stalls
-//! of the host (tens of ms) only move points upwards, away from it. The constant part of the delay (transmission
-//! time) cannot be seen from one side and stays in the result.
+//! of the host (tens of ms) only move points upwards, away from it. The constant part of the delay cannot be seen from
+//! one side: it is measured where the device answers clock requests, taken as the time its bytes need on the line where
+//! that is known, and stays in the result otherwise.
 
 use super::envelope::Envelope;
-use crate::device::protocol::DeviceTime;
+use crate::device::protocol::{DeviceTime, SyncEstimate};
 use crate::time::HostTime;
 
 /// Longest hold-up of a packet that is believed, ns. A delay that drops further, or a counter that moves further
@@ -16,6 +17,12 @@ const LONGEST_STALL_NS: i64 = 1_000_000_000;
 const BACKWARD_JITTER_NS: i64 = 10_000_000;
 /// Smallest step from one host time to the next, ns: no two samples share a time.
 const LEAST_STEP_NS: i64 = 1_000;
+
+/// Largest constant delay that is believed, ns: a slow line, a USB bridge at its slowest, and more.
+const LARGEST_CONSTANT_NS: i64 = 50_000_000;
+/// A clock exchange with a longer round trip says less about the constant delay than the line's speed does, µs: it may
+/// be wrong by half of it, the part one way took longer than the other.
+const LONGEST_ROUND_TRIP_US: u64 = 5_000;
 
 /// Where the times of the samples come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -64,6 +71,10 @@ pub struct ClockSync {
     previous: Option<Previous>,
     envelope: Envelope,
     resets: u64,
+    /// Part of the smallest delay that every sample has, subtracted, ns.
+    constant_ns: i64,
+    /// The clock exchange `constant_ns` is from; `None` while it is only assumed.
+    exchange: Option<SyncEstimate>,
 }
 
 impl ClockSync {
@@ -77,6 +88,8 @@ impl ClockSync {
             previous: None,
             envelope: Envelope::default(),
             resets: 0,
+            constant_ns: 0,
+            exchange: None,
         };
         clock.assume_rate(nominal_rate_hz);
         clock
@@ -86,6 +99,51 @@ impl ClockSync {
     pub fn assume_rate(&mut self, nominal_rate_hz: Option<f64>) {
         self.nominal_period_ns =
             nominal_rate_hz.filter(|rate| rate.is_finite() && *rate > 0.0).map(|rate| 1e9 / rate);
+    }
+
+    /// Sets the delay every sample has at least, such as the time its bytes take on the line, ns. A measured one, see
+    /// [`ClockSync::take_exchange`], stands above it.
+    pub fn assume_constant_delay(&mut self, delay_ns: u64) {
+        if self.exchange.is_none() {
+            self.constant_ns =
+                i64::try_from(delay_ns).unwrap_or(LARGEST_CONSTANT_NS).min(LARGEST_CONSTANT_NS);
+        }
+    }
+
+    /// Takes what a clock exchange with the device has found, and from it the constant delay: the host time the line of
+    /// one-way delays gives to the moment of the exchange, less the host time it had.
+    ///
+    /// Call it after a sample of the same clock. An exchange already taken, one before the first sample with device
+    /// time, one with a round trip above 5 ms, and one that asks for a delay outside 0 to 50 ms (up to the half round
+    /// trip it may be wrong by) change nothing. The result is right within half the exchange's round trip.
+    pub fn take_exchange(&mut self, exchange: SyncEstimate) {
+        let Some(Previous { device: Some(device), source_ns, .. }) = self.previous else { return };
+        let slow = exchange.round_trip_us > LONGEST_ROUND_TRIP_US;
+        if slow || self.mode != ClockMode::Device || self.exchange == Some(exchange) {
+            return;
+        }
+        let asked_us = i128::from(exchange.host_time_us) + i128::from(exchange.offset_us);
+        let mut since_us = asked_us - i128::from(device.micros);
+        if let Some(period) = device.wraps_after_us.map(i128::from).filter(|period| *period > 0) {
+            since_us = (since_us + period / 2).rem_euclid(period) - period / 2;
+        }
+        let (Ok(since_ns), Ok(host_ns)) =
+            (i64::try_from(since_us * 1000), i64::try_from(i128::from(exchange.host_time_us) * 1000))
+        else {
+            return;
+        };
+        let at_ns = source_ns.saturating_add(since_ns);
+        let constant_ns = at_ns.saturating_add(self.envelope.delay_ns(at_ns)).saturating_sub(host_ns);
+        let unsure_ns = i64::try_from(exchange.round_trip_us * 500).unwrap_or(i64::MAX);
+        if (-unsure_ns..=LARGEST_CONSTANT_NS).contains(&constant_ns) {
+            self.constant_ns = constant_ns.max(0);
+            self.exchange = Some(exchange);
+        }
+    }
+
+    /// The constant delay taken off every sample, ns, and whether a clock exchange measured it.
+    pub fn constant_delay(&self) -> (u64, bool) {
+        (self.constant_ns.unsigned_abs(), self.exchange.is_some())
     }
 
     /// Host time at which a sample was taken.
@@ -124,19 +182,21 @@ impl ClockSync {
         }
         let step_ns = (source_ns - previous.source_ns).max(0);
         let earliest_ns = previous.host_ns.saturating_add(LEAST_STEP_NS.max(step_ns / 2));
-        let host_ns = source_ns.saturating_add(self.envelope.delay_ns(source_ns)).max(earliest_ns);
+        let delay_ns = self.envelope.delay_ns(source_ns).saturating_sub(self.constant_ns);
+        let host_ns = source_ns.saturating_add(delay_ns).max(earliest_ns);
         self.previous = Some(Previous { device, index, source_ns, arrival_ns, host_ns });
         HostTime(host_ns.unsigned_abs())
     }
 
-    /// Begins a new line at this sample, which is taken to have had no delay.
+    /// Begins a new line at this sample, which is taken to have had only the constant delay.
     fn restart(&mut self, mode: ClockMode, device: Option<DeviceTime>, arrival_ns: i64) -> HostTime {
         let earliest_ns = self.previous.map_or(0, |previous| previous.host_ns.saturating_add(LEAST_STEP_NS));
         self.resets += u64::from(self.previous.is_some());
         self.mode = mode;
+        self.exchange = None;
         self.envelope = Envelope::default();
         self.envelope.push(0, arrival_ns);
-        let host_ns = arrival_ns.max(earliest_ns);
+        let host_ns = arrival_ns.saturating_sub(self.constant_ns).max(earliest_ns);
         self.previous = Some(Previous { device, index: 0, source_ns: 0, arrival_ns, host_ns });
         HostTime(host_ns.unsigned_abs())
     }

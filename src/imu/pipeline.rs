@@ -7,7 +7,7 @@ use super::clock_sync::{ClockMode, ClockSync};
 use super::health::ImuCounters;
 use super::mount::{HeadSample, Mount, OmegaDerivative};
 use super::{ImuSample, ImuSettings};
-use crate::device::protocol::ImuReading;
+use crate::device::protocol::{ImuReading, SyncEstimate};
 use crate::time::HostTime;
 use crate::units::DEG_PER_RAD;
 
@@ -121,6 +121,21 @@ impl ImuPipeline {
         if self.settings.nominal_rate_hz.is_none() {
             self.clock.assume_rate(Some(rate_hz));
         }
+    }
+
+    /// Tells the delay every sample has at least, such as the time its bytes take on the line, ns.
+    pub fn assume_constant_delay(&mut self, delay_ns: u64) {
+        self.clock.assume_constant_delay(delay_ns);
+    }
+
+    /// Tells what a clock exchange with the device has found. Call it after the readings that came with the answer.
+    pub fn take_exchange(&mut self, exchange: SyncEstimate) {
+        self.clock.take_exchange(exchange);
+    }
+
+    /// The constant delay taken off every sample, ns, and whether a clock exchange measured it.
+    pub fn constant_delay(&self) -> (u64, bool) {
+        self.clock.constant_delay()
     }
 
     /// Takes in a reading and calls `on_sample` for every head sample that is ready: none during the alignment, all

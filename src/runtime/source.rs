@@ -103,6 +103,7 @@ impl Source {
         };
         self.note_changes(sink);
         self.check_announcement(sink)?;
+        self.note_constant_delay();
         let mut bytes = [0; 64];
         if let Some(length) = self.decoder.poll_transmit(self.last_at.0 / 1000, &mut bytes) {
             // A request that cannot be sent is not retried: the next one follows in a second.
@@ -135,6 +136,16 @@ impl Source {
         if !self.recognised && self.decoder.counters().packets > 0 && self.decoder.protocol() != "unknown" {
             self.recognised = true;
             sink.event(self.last_at, &format!("protocol {}", self.decoder.protocol()));
+        }
+    }
+
+    /// Tells the clock what is known about the delay every sample has.
+    fn note_constant_delay(&mut self) {
+        if let (Some(baud), Some(bytes)) = (self.baud, self.decoder.wire_bytes_per_sample()) {
+            self.pipeline.assume_constant_delay(bandwidth::time_on_line(bytes.ceil() as u64, baud).0);
+        }
+        if let Some(exchange) = self.decoder.sync_estimate() {
+            self.pipeline.take_exchange(exchange);
         }
     }
 
@@ -177,6 +188,7 @@ impl Source {
             clock: self.pipeline.clock_mode(),
             clock_drift_ppm: self.pipeline.clock_drift_ppm(),
             sync: self.decoder.sync_estimate(),
+            constant_delay: self.pipeline.constant_delay(),
         }
     }
 }
@@ -200,6 +212,8 @@ pub struct SourceFacts {
     pub clock_drift_ppm: f64,
     /// What the device answered to clock requests.
     pub sync: Option<SyncEstimate>,
+    /// The delay taken off every sample, ns, and whether clock requests measured it.
+    pub constant_delay: (u64, bool),
 }
 
 #[cfg(test)]

@@ -99,6 +99,56 @@ fn batching_stalls_and_drift_leave_microseconds() {
     }
 }
 
+/// A device at 200 Hz whose samples take 3 ms and more to arrive: how late the last of 2000 is dated, ms.
+fn constant_delay_left_ms(prepare: impl Fn(&mut ClockSync)) -> f64 {
+    let mut clock = ClockSync::new(None);
+    let mut left_ns = 0;
+    for step in 0..2000_u64 {
+        let taken_us = 10_000_000 + step * 5_000;
+        let late_us = if step % 10 == 0 { 3_000 } else { 3_000 + (step * 7919) % 4001 };
+        // The device's clock is 4 s behind and wraps.
+        let stamp = device((taken_us - 4_000_000) % 655_360, Some(655_360));
+        let host = clock.host_time(stamp, HostTime((taken_us + late_us) * 1000));
+        left_ns = i64::try_from(host.0).unwrap() - i64::try_from(taken_us * 1000).unwrap();
+        prepare(&mut clock);
+    }
+    left_ns as f64 * 1e-6
+}
+
+/// An exchange at 11 s of host time, of which the way back took `asymmetry_us` longer.
+fn exchange(round_trip_us: u64, asymmetry_us: i64) -> SyncEstimate {
+    SyncEstimate { offset_us: -4_000_000 - asymmetry_us / 2, round_trip_us, host_time_us: 11_000_000 }
+}
+
+#[test]
+fn the_constant_delay_is_measured_by_an_exchange_or_taken_from_the_line() {
+    let near = |found: f64, expected: f64| assert!((found - expected).abs() < 0.02, "{found} ms left");
+    near(constant_delay_left_ms(|_| {}), 3.0);
+    near(constant_delay_left_ms(|clock| clock.assume_constant_delay(1_200_000)), 1.8);
+    near(constant_delay_left_ms(|clock| clock.take_exchange(exchange(400, 0))), 0.0);
+    // The error is half of what one way took longer.
+    near(constant_delay_left_ms(|clock| clock.take_exchange(exchange(400, 300))), 0.15);
+    // A measured delay stands above an assumed one.
+    let both = |clock: &mut ClockSync| {
+        clock.take_exchange(exchange(400, 0));
+        clock.assume_constant_delay(1_200_000);
+    };
+    near(constant_delay_left_ms(both), 0.0);
+}
+
+#[test]
+fn exchanges_that_cannot_be_right_change_nothing() {
+    for wrong in [exchange(6_000, 0), exchange(400, 200_000), exchange(400, -200_000)] {
+        let left_ms = constant_delay_left_ms(|clock| clock.take_exchange(wrong));
+        assert!((left_ms - 3.0).abs() < 0.02, "{wrong:?}: {left_ms}");
+    }
+    let mut clock = ClockSync::new(Some(100.0));
+    clock.take_exchange(exchange(400, 0));
+    clock.host_time(None, HostTime(5_000_000));
+    clock.take_exchange(exchange(400, 0));
+    assert_eq!(clock.constant_delay(), (0, false));
+}
+
 #[test]
 fn equal_stamps_come_back_exactly() {
     let mut clock = ClockSync::new(None);
