@@ -17,6 +17,12 @@ pub struct ImuCounters {
     pub missing_specific_force: u64,
     /// Times the device clock stepped or the stream lost its place.
     pub clock_resets: u64,
+    /// Readings that came twice, by the device's clock (dropped).
+    pub repeated: u64,
+    /// Readings that came after a newer one, by the device's clock (dropped).
+    pub out_of_order: u64,
+    /// Times the device changed its sample rate.
+    pub rate_changes: u64,
 }
 
 /// What [`super::Resampler`] has counted.

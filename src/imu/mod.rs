@@ -11,7 +11,9 @@ mod envelope;
 mod error;
 mod health;
 mod mount;
+mod order;
 mod pipeline;
+mod rate;
 mod resample;
 mod settings;
 

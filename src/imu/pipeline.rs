@@ -6,6 +6,8 @@ use super::calibration::{Calibration, MIN_REST_SAMPLES, RestDetector};
 use super::clock_sync::{ClockMode, ClockSync};
 use super::health::ImuCounters;
 use super::mount::{HeadSample, Mount, OmegaDerivative};
+use super::order::{OrderWatch, Place};
+use super::rate::RateWatch;
 use super::{ImuSample, ImuSettings};
 use crate::device::protocol::{ImuReading, SyncEstimate};
 use crate::time::HostTime;
@@ -82,6 +84,9 @@ pub struct ImuPipeline {
     mount: Mount,
     model_gravity: f64,
     clock: ClockSync,
+    order: OrderWatch,
+    rate: RateWatch,
+    newest: Option<HostTime>,
     window: Vec<Held>,
     window_capacity: usize,
     rest: RestDetector,
@@ -106,6 +111,9 @@ impl ImuPipeline {
             mount,
             model_gravity,
             clock: ClockSync::new(settings.nominal_rate_hz),
+            order: OrderWatch::default(),
+            rate: RateWatch::default(),
+            newest: None,
             window: Vec::with_capacity(window_capacity),
             window_capacity,
             rest: RestDetector::default(),
@@ -149,9 +157,20 @@ impl ImuPipeline {
             self.counters.non_finite += 1;
             return;
         }
+        match self.order.judge(reading) {
+            Place::InOrder => {}
+            Place::Repeated => {
+                self.counters.repeated += 1;
+                return;
+            }
+            Place::Late => {
+                self.counters.out_of_order += 1;
+                return;
+            }
+        }
         self.counters.clipped += u64::from(reading.clipped);
         self.counters.missing_specific_force += u64::from(force_imu.is_none());
-        let at = self.clock.host_time(reading.device_time, arrival);
+        let at = self.date(reading, arrival);
         let held = Held {
             sample: ImuSample { at, omega_imu, specific_force_imu: force_imu.unwrap_or_default() },
             has_specific_force: force_imu.is_some(),
@@ -176,7 +195,8 @@ impl ImuPipeline {
 
     /// Everything counted so far.
     pub fn counters(&self) -> ImuCounters {
-        ImuCounters { clock_resets: self.clock.resets(), ..self.counters }
+        let (clock_resets, rate_changes) = (self.clock.resets(), self.rate.changes());
+        ImuCounters { clock_resets, rate_changes, ..self.counters }
     }
 
     /// Where the times of the samples come from.
@@ -192,6 +212,19 @@ impl ImuPipeline {
     /// The mount in use: levelled once the alignment is over.
     pub fn mount(&self) -> Mount {
         self.alignment.map_or(self.mount, |alignment| alignment.mount)
+    }
+
+    /// Host time of a reading.
+    fn date(&mut self, reading: &ImuReading, arrival: HostTime) -> HostTime {
+        let resets = self.clock.resets();
+        let at = self.clock.host_time(reading.device_time, arrival);
+        match self.newest.replace(at) {
+            Some(before) if self.clock.resets() == resets => {
+                self.rate.step(at.saturating_since(before).as_secs_f64());
+            }
+            _ => self.rate.restart(),
+        }
+        at
     }
 
     fn hold_back(&mut self, held: Held, on_sample: &mut dyn FnMut(HeadSample)) {

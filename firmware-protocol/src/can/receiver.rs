@@ -43,6 +43,8 @@ pub struct CanCounters {
     pub samples: u64,
     /// Halves whose partner did not come.
     pub lone_halves: u64,
+    /// Halves that came once more, as a bus may deliver them after an error in the last bit of a frame; not used.
+    pub repeated: u64,
     /// GYRO and ACCEL frames that the device sent and that did not arrive, by TIME's count. Final once a TIME has
     /// followed; a loss of a multiple of 65536 between two TIME messages does not show.
     pub lost: u64,
@@ -80,6 +82,8 @@ pub struct CanReceiver {
     ids: Ids,
     clock: TickClock,
     waiting: Option<(Half, HalfSample)>,
+    /// The last GYRO and the last ACCEL, to know them when they come again.
+    newest: [Option<HalfSample>; 2],
     end_to_end: EndToEnd,
     counters: CanCounters,
 }
@@ -92,11 +96,13 @@ impl CanReceiver {
             ids,
             clock: TickClock::new(),
             waiting: None,
+            newest: [None; 2],
             end_to_end: EndToEnd { sent: None, received: 0, balance: 0 },
             counters: CanCounters {
                 frames: 0,
                 samples: 0,
                 lone_halves: 0,
+                repeated: 0,
                 lost: 0,
                 unknown: 0,
                 malformed: 0,
@@ -144,6 +150,10 @@ impl CanReceiver {
 
     /// Joins a half with the one that waits, or lets it wait.
     fn pair(&mut self, kind: Half, half: HalfSample, mut on_event: impl FnMut(CanEvent)) {
+        if self.newest[kind as usize].replace(half) == Some(half) {
+            self.counters.repeated += 1;
+            return;
+        }
         self.end_to_end.received += 1;
         let (gyro, accel) = match (self.waiting.take(), kind) {
             (Some((Half::Gyro, gyro)), Half::Accel) if gyro.tick == half.tick => (gyro.xyz, half.xyz),

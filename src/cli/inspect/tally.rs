@@ -16,6 +16,7 @@ use crate::time::HostTime;
 pub(super) struct Tally {
     samples: u64,
     clipped: u64,
+    not_finite: u64,
     without_force: u64,
     without_time: u64,
     /// Arrival of the first and of the last sample.
@@ -72,6 +73,11 @@ impl Tally {
         self.samples += 1;
         self.arrivals = Some((self.arrivals.map_or(at, |(first, _)| first), at));
         self.clipped += u64::from(reading.clipped);
+        let values = reading.omega_imu.iter().chain(reading.specific_force_imu.iter().flatten());
+        if !values.into_iter().all(|value| value.is_finite()) {
+            self.not_finite += 1;
+            return;
+        }
         self.omega.take(&reading.omega_imu);
         match &reading.specific_force_imu {
             Some(force) => self.force.take(force),
@@ -148,6 +154,8 @@ impl Tally {
             notes.push("no device time: samples are dated by arrival".to_owned());
         }
         let counted = [
+            (self.not_finite, "samples with values that are no numbers"),
+            (counters.repeated, "packets came twice or late"),
             (counters.unknown, "packets of a type this decoder does not know"),
             (counters.withheld, "samples came before the device had told their scale"),
             (counters.lone_halves, "halves of a sample came without the other half"),

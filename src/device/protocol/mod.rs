@@ -10,6 +10,7 @@ mod frames;
 pub mod native_can;
 pub mod native_serial;
 mod period;
+mod sequence;
 mod sync;
 pub mod text;
 
@@ -25,7 +26,8 @@ pub struct DeviceTime {
     pub wraps_after_us: Option<u64>,
 }
 
-/// One sample of an IMU as its protocol states it, converted to SI.
+/// One sample of an IMU as its protocol states it, converted to SI. A device that sends NaN or an infinity is taken at
+/// its word: the IMU path counts and drops such readings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImuReading {
     /// The device's clock at the sample, where the protocol carries one.
@@ -57,6 +59,8 @@ pub struct DecodeCounters {
     pub withheld: u64,
     /// Halves of a sample (gyroscope or accelerometer) that came without the other half.
     pub lone_halves: u64,
+    /// Packets that came more than once, or later than a newer one, and are therefore not used.
+    pub repeated: u64,
     /// Errors the device itself reported.
     pub device_errors: u64,
     /// Bytes of a frame that had begun when the traffic ended.

@@ -120,6 +120,8 @@ impl PacketDecoder for NativeCanDecoder {
             unknown: counted.unknown + counted.malformed,
             device_dropped: self.dropped.total(),
             withheld: self.withheld,
+            lone_halves: counted.lone_halves,
+            repeated: counted.repeated,
             ..DecodeCounters::default()
         }
     }

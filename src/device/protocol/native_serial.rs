@@ -5,6 +5,7 @@ use otolith_firmware_protocol::MAX_FRAME;
 use otolith_firmware_protocol::message::{BATCH_MAX_ROWS, Hello, Message, Sample16, SampleF32};
 use otolith_firmware_protocol::stream::{Event, StreamDecoder, StreamEncoder};
 
+use super::sequence::{Sequel, SequenceWatch};
 use super::sync::{ClockExchange, SyncEstimate};
 use super::{DecodeCounters, DeviceInfo, DeviceTime, DropCount, ImuReading, PacketDecoder};
 use crate::device::Traffic;
@@ -84,6 +85,7 @@ impl Introduction {
 #[derive(Debug, Default)]
 pub struct NativeSerialDecoder {
     stream: StreamDecoder,
+    sequence: SequenceWatch,
     content: Content,
     /// Bytes of traffic that is no serial line's.
     foreign_bytes: u64,
@@ -115,8 +117,6 @@ struct Content {
     clocks: ClockExchange,
     dropped: DropCount,
     withheld: u64,
-    /// Frames with values that are no numbers.
-    not_finite: u64,
     /// Bytes on the wire per sample, of the last frame with samples.
     bytes_per_sample: Option<f64>,
 }
@@ -177,10 +177,6 @@ impl Content {
             self.withheld += 1;
             return;
         }
-        if !sample.gyro.iter().chain(&sample.accel).all(|value| value.is_finite()) {
-            self.not_finite += 1;
-            return;
-        }
         let clipped = self.hello.as_ref().is_some_and(|hello| {
             // The highest count stands one below full scale; half a count more for rounding.
             let beyond = |values: [f32; 3], range: f64, count: f64| {
@@ -195,6 +191,16 @@ impl Content {
             specific_force_imu: Some(Vector3::from(sample.accel).map(f64::from)),
             clipped,
         });
+    }
+}
+
+/// Time of the first sample of a frame that has any, µs.
+fn sample_time_us(message: &Message<'_>) -> Option<u32> {
+    match message {
+        Message::Sample16(sample) => Some(sample.t_us),
+        Message::Batch16(batch) => Some(batch.t_us),
+        Message::SampleF32(sample) => Some(sample.t_us),
+        _ => None,
     }
 }
 
@@ -220,7 +226,13 @@ impl PacketDecoder for NativeSerialDecoder {
     fn push(&mut self, traffic: Traffic<'_>, on_reading: &mut dyn FnMut(ImuReading)) {
         match traffic {
             Traffic::Bytes(bytes) => self.stream.push(bytes, |event| {
-                if let Event::Message { message, .. } = event {
+                let (seq, kind, message) = match event {
+                    Event::Message { seq, message, .. } => (seq, message.kind(), Some(message)),
+                    Event::Unreadable { seq, kind, .. } => (seq, kind, None),
+                    Event::Dropped { .. } => return,
+                };
+                let sequel = self.sequence.judge(seq, kind, message.as_ref().and_then(sample_time_us));
+                if let Some(message) = message.filter(|_| sequel == Sequel::New) {
                     self.content.take(&message, on_reading);
                 }
             }),
@@ -230,14 +242,16 @@ impl PacketDecoder for NativeSerialDecoder {
 
     fn counters(&self) -> DecodeCounters {
         let stream = self.stream.counters();
+        let (repeated, late) = self.sequence.disorder();
         DecodeCounters {
             packets: stream.frames,
             bad_checksum: stream.framing_errors + stream.crc_errors,
             bytes_skipped: stream.bytes_skipped + self.foreign_bytes,
-            missing: stream.lost,
-            unknown: stream.unknown + stream.malformed + self.content.not_finite,
+            missing: self.sequence.missing(),
+            unknown: stream.unknown + stream.malformed,
             device_dropped: self.content.dropped.total(),
             withheld: self.content.withheld,
+            repeated: repeated + late,
             ..DecodeCounters::default()
         }
     }
@@ -273,6 +287,7 @@ impl PacketDecoder for NativeSerialDecoder {
 
     fn rejoin(&mut self) {
         self.stream.rejoin();
+        self.sequence.rejoin();
     }
 }
 

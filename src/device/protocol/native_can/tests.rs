@@ -49,8 +49,16 @@ fn the_golden_frames_give_the_stated_values() {
     assert_eq!((device.device_id, device.firmware), (Some(0x00C0_FFEE), Some(0x0102)));
     assert!((device.gyro_range.expect("announced") - 500.0 * RAD_PER_DEG).abs() < 1e-12);
 
+    // The frames of now again would only be repetitions.
     assert!(push(&mut decoder, frames[0].0, &frames[0].1).is_empty());
-    let [reading] = push(&mut decoder, frames[1].0, &frames[1].1)[..] else { panic!("one sample") };
+    assert!(push(&mut decoder, frames[1].0, &frames[1].1).is_empty());
+    assert_eq!(decoder.counters().repeated, 2);
+    let [mut gyro, mut accel] = [frames[0].1.clone(), frames[1].1.clone()];
+    for half in [&mut gyro, &mut accel] {
+        half[6] ^= 1; // another tick
+    }
+    assert!(push(&mut decoder, frames[0].0, &gyro).is_empty());
+    let [reading] = push(&mut decoder, frames[1].0, &accel)[..] else { panic!("one sample") };
     assert!((reading.omega_imu.z / RAD_PER_DEG - 59.998).abs() < 1e-3);
     let force = reading.specific_force_imu.expect("has an accelerometer");
     assert!((force - Vector3::z() * STANDARD_GRAVITY).norm() < 1e-12);
@@ -103,9 +111,9 @@ fn times_run_on_through_wraps_of_the_tick_and_losses_show() {
 fn full_scale_is_clipped_and_drops_are_counted() {
     let mut decoder = NativeCanDecoder::new(Some(0));
     say(&mut decoder, 0, RANGES);
-    for (count, clipped) in [(i16::MAX, true), (i16::MIN, true), (i16::MAX - 1, false)] {
-        say(&mut decoder, 0, CanMessage::Gyro(half(count, 7)));
-        assert_eq!(say(&mut decoder, 0, CanMessage::Accel(half(0, 7)))[0].clipped, clipped);
+    for (tick, count, clipped) in [(7, i16::MAX, true), (8, i16::MIN, true), (9, i16::MAX - 1, false)] {
+        say(&mut decoder, 0, CanMessage::Gyro(half(count, tick)));
+        assert_eq!(say(&mut decoder, 0, CanMessage::Accel(half(0, tick)))[0].clipped, clipped);
     }
     for dropped in [65_535, 2] {
         let health = Health { temperature_centi_c: 0, dropped, tx_overrun: 0, self_test: 0 };

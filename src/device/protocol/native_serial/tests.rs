@@ -138,18 +138,32 @@ fn a_line_too_slow_for_the_announced_rate_is_known_from_the_hello_on() {
 }
 
 #[test]
-fn floats_at_full_scale_are_clipped_and_no_numbers_are_no_samples() {
+fn floats_at_full_scale_are_clipped() {
     let mut decoder = NativeSerialDecoder::new();
     readings(&mut decoder, &frame("hello"));
     let full = (500.0 * RAD_PER_DEG) as f32;
-    for (gyro_z, expected) in
-        [(full, Some(true)), (0.99 * full, Some(false)), (f32::NAN, None), (f32::INFINITY, None)]
-    {
-        let message = Message::SampleF32(SampleF32 { t_us: 0, gyro: [0.0, 0.0, gyro_z], accel: [0.0; 3] });
+    for (t_us, gyro_z, clipped) in [(1, full, true), (2, 0.99 * full, false), (3, f32::INFINITY, true)] {
+        let message = Message::SampleF32(SampleF32 { t_us, gyro: [0.0, 0.0, gyro_z], accel: [0.0; 3] });
         let got = readings(&mut decoder, encode(&message, &mut [0; MAX_FRAME]));
-        assert_eq!(got.first().map(|reading| reading.clipped), expected, "{gyro_z}");
+        assert_eq!(got.first().map(|reading| reading.clipped), Some(clipped), "{gyro_z}");
     }
-    assert_eq!(decoder.counters().unknown, 2);
+}
+
+#[test]
+fn a_frame_that_comes_twice_is_one_and_no_loss() {
+    let mut decoder = NativeSerialDecoder::new();
+    readings(&mut decoder, &frame("hello"));
+    decoder.rejoin();
+    let (mut encoder, mut buffer) = (StreamEncoder::new(), [0; MAX_FRAME]);
+    let mut frames = Vec::new();
+    for t_us in [1000, 2000, 3000, 4000] {
+        let sample = Message::SampleF32(SampleF32 { t_us, gyro: [0.0; 3], accel: [0.0; 3] });
+        frames.push(encoder.encode(&sample, &mut buffer).expect("fits").to_vec());
+    }
+    let got: usize = [0, 1, 1, 3, 2].map(|k| readings(&mut decoder, &frames[k]).len()).iter().sum();
+    assert_eq!(got, 3, "the repeated and the late one are not used");
+    let counters = decoder.counters();
+    assert_eq!((counters.missing, counters.repeated, counters.packets), (0, 2, 6));
 }
 
 #[test]
