@@ -21,6 +21,8 @@ pub struct ImuCounters {
     pub repeated: u64,
     /// Readings that came after a newer one, by the device's clock (dropped).
     pub out_of_order: u64,
+    /// Intervals in which at least one sample is not there, of a stream that is regular otherwise.
+    pub time_gaps: u64,
     /// Times the device changed its sample rate.
     pub rate_changes: u64,
 }

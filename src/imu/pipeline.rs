@@ -195,8 +195,12 @@ impl ImuPipeline {
 
     /// Everything counted so far.
     pub fn counters(&self) -> ImuCounters {
-        let (clock_resets, rate_changes) = (self.clock.resets(), self.rate.changes());
-        ImuCounters { clock_resets, rate_changes, ..self.counters }
+        ImuCounters {
+            clock_resets: self.clock.resets(),
+            time_gaps: self.rate.gaps(),
+            rate_changes: self.rate.changes(),
+            ..self.counters
+        }
     }
 
     /// Where the times of the samples come from.

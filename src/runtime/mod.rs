@@ -11,6 +11,7 @@ mod receive;
 mod sched;
 mod source;
 mod status;
+pub mod trouble;
 
 pub use self::core::{Core, CoreSettings, CoreSettingsError, MAX_CHAIR_FORCE, MAX_CHAIR_RATE, Push};
 pub use figure::{Figure, Vestibular};

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use super::trouble::{Change, Trouble, TroubleWatch};
 use crate::device::protocol::{DecodeCounters, ImuReading, PacketDecoder, SyncEstimate};
 use crate::device::{DeviceError, Link, LinkError, LinkStatus, Traffic, bandwidth};
 use crate::imu::{AlignmentReport, ClockMode, HeadSample, ImuCounters, ImuPipeline};
@@ -46,6 +47,7 @@ pub struct Source {
     line_checked: bool,
     recognised: bool,
     last_at: HostTime,
+    troubles: TroubleWatch,
 }
 
 impl std::fmt::Debug for Source {
@@ -73,7 +75,18 @@ impl Source {
             line_checked: false,
             recognised: false,
             last_at: HostTime::default(),
+            troubles: TroubleWatch::default(),
         }
+    }
+
+    /// The same without an eye for one trouble: the negative control of its tests.
+    pub fn blind_to(self, trouble: Trouble) -> Self {
+        Self { troubles: TroubleWatch::blind_to(trouble), ..self }
+    }
+
+    /// The troubles present now, gravest first.
+    pub fn troubles(&self) -> impl Iterator<Item = Trouble> {
+        self.troubles.present()
     }
 
     /// Waits at most `timeout` for traffic and passes on what it means.
@@ -133,6 +146,14 @@ impl Source {
             self.decoder.rejoin();
         }
         self.status = status;
+        let facts = self.facts();
+        let at = self.last_at;
+        self.troubles.look(at, &facts, |change| match change {
+            // Told above, with the reason.
+            Change::Begun(Trouble::ConnectionLost) | Change::Over(Trouble::ConnectionLost, _) => {}
+            Change::Begun(trouble) => sink.event(at, &format!("trouble: {}", trouble.name())),
+            Change::Over(trouble, count) => sink.event(at, &format!("over: {count} {}", trouble.name())),
+        });
         if !self.recognised && self.decoder.counters().packets > 0 && self.decoder.protocol() != "unknown" {
             self.recognised = true;
             sink.event(self.last_at, &format!("protocol {}", self.decoder.protocol()));
@@ -194,7 +215,7 @@ impl Source {
 }
 
 /// Everything a source has counted and found.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct SourceFacts {
     /// Name of the protocol.
     pub protocol: &'static str,
