@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::failure::Failure;
 use crate::config::{Config, ConfigError, Sensor};
+use crate::device::configure::Plan;
 use crate::device::fault::FaultInjector;
 use crate::device::protocol::PacketDecoder;
 use crate::device::protocol::detect::{TEXT, decoder_by_name, decoder_for};
@@ -41,7 +42,10 @@ pub(super) fn open_source(
     }
     let decoder = decoder(config.protocol.as_deref(), selector, sensor.mapping.as_ref())?;
     let stamper = sensor.mapping.as_ref().filter(|_| decoder.protocol() == TEXT).map(line_stamper);
-    let link = device::open(selector, clock, stamper)?;
+    let link = match plan(config, selector)? {
+        Some((port, baud, plan)) => device::open_serial(port, baud, clock, Some(plan))?,
+        None => device::open(selector, clock, stamper)?,
+    };
     let link: Box<dyn Link> = match &config.faults {
         Some(plan) => Box::new(FaultInjector::new(link, plan.clone())?),
         None => link,
@@ -56,6 +60,20 @@ pub(super) fn open_source(
     };
     let pipeline = ImuPipeline::new(&config.imu, sensor.calibration, sensor.mount, gravity);
     Ok(Source::new(link, decoder, pipeline, baud))
+}
+
+/// The commands `--configure` asks for, with the port they are for and its baud rate.
+fn plan<'a>(config: &Config, selector: &'a Selector) -> Result<Option<(&'a str, u32, Plan)>, Failure> {
+    let Some(text) = &config.configure else { return Ok(None) };
+    let request = text.parse().map_err(DeviceError::Configure)?;
+    let (Selector::Serial { port, baud }, Some(protocol)) = (selector, &config.protocol) else {
+        return Err(Failure::usage(format!(
+            "--configure {text} needs a serial port and the name of its protocol, got {selector} and {}\n\n\
+             hint: `otolith devices` says what a port speaks; name it with --protocol",
+            config.protocol.as_deref().unwrap_or("none")
+        )));
+    };
+    Ok(Some((port, *baud, Plan::new(protocol, &request, *baud)?)))
 }
 
 /// The decoder that was asked for, or the one that fits the device.

@@ -62,6 +62,9 @@ struct SensorArgs {
     /// Protocol of the device instead of finding it out: otolith-serial, otolith-can, text.
     #[arg(long, value_name = "NAME")]
     protocol: Option<String>,
+    /// Set the device up first: rate=HZ, baud=N, save. Needs --protocol; without this flag nothing is changed on a device.
+    #[arg(long, value_name = "KEY=VALUE,...")]
+    configure: Option<String>,
     /// How the sensor is mounted on the chair.
     #[arg(long, value_name = "FILE.toml")]
     mount: Option<PathBuf>,
@@ -81,6 +84,7 @@ impl SensorArgs {
             *slot = flag.clone().or(slot.take());
         }
         config.protocol = self.protocol.clone().or(config.protocol.take());
+        config.configure = self.configure.clone().or(config.configure.take());
     }
 }
 

@@ -34,6 +34,8 @@ pub struct Config {
     pub device: Option<String>,
     /// Protocol of the device; found by itself when absent.
     pub protocol: Option<String>,
+    /// Commands to the device before it is listened to, such as `rate=200`; none are sent when absent.
+    pub configure: Option<String>,
     /// Mapping of the columns of a text log.
     pub log_map: Option<PathBuf>,
     /// Calibration of the sensor.

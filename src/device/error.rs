@@ -3,6 +3,8 @@
 use std::io;
 use std::path::PathBuf;
 
+use super::configure::ConfigureError;
+
 /// Why a device could not be opened or set up. The text says what, where, got and expected, then a hint.
 #[derive(Debug, thiserror::Error)]
 pub enum DeviceError {
@@ -112,6 +114,9 @@ pub enum DeviceError {
          examples are in configs/logs"
     )]
     NeedsMapping,
+    /// A device that cannot be set up as asked.
+    #[error(transparent)]
+    Configure(#[from] ConfigureError),
     /// The serial line cannot carry what the device announces. See [`super::bandwidth`].
     #[error(
         "serial line too slow: {rate_hz} samples/s of at least {bytes_per_sample:.1} bytes are {load_percent:.0} % of \

@@ -141,12 +141,7 @@ pub fn open(
     stamp_line: Option<LineStamper>,
 ) -> Result<Box<dyn Link>, DeviceError> {
     match selector {
-        Selector::Serial { port, baud } => {
-            let (port, baud, clock) = (port.clone(), *baud, Arc::clone(clock));
-            let reopen_clock = Arc::clone(&clock);
-            let opener = move || serial::SerialLink::open(&port, baud, Arc::clone(&reopen_clock));
-            Ok(Box::new(reconnect::Reconnecting::open(opener, clock)?))
-        }
+        Selector::Serial { port, baud } => open_serial(port, *baud, clock, None),
         Selector::Can { interface, .. } => {
             let (interface, clock) = (interface.clone(), Arc::clone(clock));
             let reopen_clock = Arc::clone(&clock);
@@ -156,4 +151,29 @@ pub fn open(
         Selector::Replay { path, kind, baud } => replay::open(path, *kind, *baud, stamp_line),
         Selector::Mock(params) => Ok(Box::new(mock::MockChair::new(params.clone())?)),
     }
+}
+
+/// Opens a serial port and sets the device on it up; again after each loss of the connection.
+///
+/// After a loss the device may have kept the baud rate of `plan`, or have fallen back to that of the port: both are tried.
+///
+/// # Errors
+/// As [`open`], and what [`configure::apply`] says.
+pub fn open_serial(
+    port: &str,
+    baud: u32,
+    clock: &Arc<dyn Clock>,
+    plan: Option<configure::Plan>,
+) -> Result<Box<dyn Link>, DeviceError> {
+    let (port, link_clock) = (port.to_owned(), Arc::clone(clock));
+    let kept_baud = plan.as_ref().and_then(|plan| plan.steps.iter().rev().find_map(|step| step.baud_after));
+    let open_at = move |baud: u32| {
+        let mut link = serial::SerialLink::open(&port, baud, Arc::clone(&link_clock))?;
+        if let Some(plan) = &plan {
+            configure::apply(&mut link, plan, link_clock.as_ref())?;
+        }
+        Ok(link)
+    };
+    let opener = move || open_at(baud).or_else(|error| kept_baud.map_or(Err(error), &open_at));
+    Ok(Box::new(reconnect::Reconnecting::open(opener, Arc::clone(clock))?))
 }

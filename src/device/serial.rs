@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use serialport::{DataBits, ErrorKind, FlowControl, Parity, SerialPort, StopBits};
 
+use super::configure::Line;
 use super::{DeviceError, Link, LinkError, LinkStatus, Traffic};
 use crate::time::{Clock, HostTime};
 
@@ -63,6 +64,16 @@ impl SerialLink {
             Err(error) if is_silence(&error) => Ok(0),
             Err(error) => Err(self.lost(error)),
         }
+    }
+}
+
+impl Line for SerialLink {
+    fn port(&self) -> &str {
+        &self.name
+    }
+
+    fn change_baud(&mut self, baud: u32) -> Result<(), LinkError> {
+        self.port.set_baud_rate(baud).map_err(|error| self.lost(error.into()))
     }
 }
 

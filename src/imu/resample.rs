@@ -11,14 +11,17 @@ use crate::vestibular::HeadMotion;
 pub const RESAMPLE_CAPACITY: usize = 4096;
 /// Intervals whose median is the usual interval.
 const INTERVALS: usize = 15;
+/// A newest sample up to this old is fresh whatever the rate, s: batches of a USB bridge and stalls of a shared machine
+/// stay below it mostly.
+const FRESH_S: f64 = 0.04;
 /// Longest interval that counts as usual, s: below 5 Hz nothing is held longer than for 5 Hz.
 const LONGEST_USUAL_S: f64 = 0.2;
 
 /// Interpolates head samples to the times of the ticks.
 ///
 /// Between two samples the motion is linear in time. After the newest sample, and inside a gap longer than the hold
-/// limit, the last motion is held: [`LinkHealth::Live`] for one and a half usual intervals (at least half the hold
-/// limit), [`LinkHealth::Stale`] up to the hold limit, then there is none ([`LinkHealth::Lost`]). A live run and its
+/// limit, the last motion is held: [`LinkHealth::Live`] for one and a half usual intervals (at least 40 ms, or
+/// half the hold limit if that is less), [`LinkHealth::Stale`] up to the hold limit, then there is none ([`LinkHealth::Lost`]). A live run and its
 /// replay, where the far side of a gap is already known, treat it alike. The hold limit is the one given or three
 /// usual intervals, whichever is longer, so that a slow sensor is not lost between its samples.
 ///
@@ -113,7 +116,7 @@ impl Resampler {
     fn limits(&self) -> AgeLimits {
         let usual_s = self.usual_interval_s.unwrap_or(0.0).min(LONGEST_USUAL_S);
         let hold_s = self.hold_limit_s.max(3.0 * usual_s);
-        AgeLimits { fresh_s: (1.5 * usual_s).max(0.5 * self.hold_limit_s), hold_s }
+        AgeLimits { fresh_s: (1.5 * usual_s).max(FRESH_S.min(0.5 * self.hold_limit_s)), hold_s }
     }
 
     /// Counts a gap and keeps the median interval up to date.

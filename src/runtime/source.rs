@@ -79,9 +79,9 @@ impl Source {
         }
     }
 
-    /// The same without an eye for one trouble: the negative control of its tests.
-    pub fn blind_to(self, trouble: Trouble) -> Self {
-        Self { troubles: TroubleWatch::blind_to(trouble), ..self }
+    /// The same without an eye for some troubles: the negative control of its tests.
+    pub fn blind_to(self, troubles: impl IntoIterator<Item = Trouble>) -> Self {
+        Self { troubles: TroubleWatch::blind_to(troubles), ..self }
     }
 
     /// The troubles present now, gravest first.

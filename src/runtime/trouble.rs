@@ -134,22 +134,24 @@ struct Episode {
 #[derive(Clone, Debug, Default)]
 pub struct TroubleWatch {
     episodes: [Episode; TROUBLES.len()],
-    samples: u64,
-    blind: Option<Trouble>,
+    readings: u64,
+    /// One bit for each trouble that is not looked for.
+    blind: u32,
 }
 
 impl TroubleWatch {
-    /// A watch that does not see one trouble: the negative control of its tests.
-    pub fn blind_to(trouble: Trouble) -> Self {
-        Self { blind: Some(trouble), ..Self::default() }
+    /// A watch that does not see some troubles: the negative control of its tests.
+    pub fn blind_to(troubles: impl IntoIterator<Item = Trouble>) -> Self {
+        let blind = troubles.into_iter().fold(0, |blind, trouble| blind | 1 << trouble as u32);
+        Self { blind, ..Self::default() }
     }
 
     /// Looks at what has been counted up to `now` and calls `on_change` for what has begun or is over.
     pub fn look(&mut self, now: HostTime, facts: &SourceFacts, mut on_change: impl FnMut(Change)) {
-        let samples_come = facts.imu.samples > self.samples;
-        self.samples = facts.imu.samples;
+        let samples_come = facts.imu.readings > self.readings;
+        self.readings = facts.imu.readings;
         for (trouble, episode) in TROUBLES.into_iter().zip(&mut self.episodes) {
-            if self.blind == Some(trouble) {
+            if self.blind & (1 << trouble as u32) != 0 {
                 continue;
             }
             let count = trouble.count(facts);
@@ -189,7 +191,7 @@ mod tests {
     fn facts(samples: u64, bad_checksum: u64, link: LinkStatus) -> SourceFacts {
         SourceFacts {
             decode: DecodeCounters { bad_checksum, ..DecodeCounters::default() },
-            imu: ImuCounters { samples, ..ImuCounters::default() },
+            imu: ImuCounters { readings: samples, ..ImuCounters::default() },
             link,
             ..SourceFacts::default()
         }
@@ -234,8 +236,8 @@ mod tests {
     }
 
     #[test]
-    fn the_blind_watch_is_blind_to_one_thing_alone() {
-        let mut watch = TroubleWatch::blind_to(Trouble::DamagedPackets);
+    fn a_blind_watch_is_blind_to_nothing_else() {
+        let mut watch = TroubleWatch::blind_to([Trouble::DamagedPackets]);
         let status = LinkStatus { bus_off: 1, ..LinkStatus::default() };
         watch.look(ms(0), &facts(1, 1, status), |_| {});
         assert!(watch.present().eq([Trouble::BusOff]));
