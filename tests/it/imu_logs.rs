@@ -3,8 +3,6 @@
 
 #![allow(clippy::unwrap_used)] // The lint spares only functions marked as tests, not what they share.
 
-use std::path::PathBuf;
-
 use otolith::device::Traffic;
 use otolith::device::protocol::text::{TextDecoder, TextMapping};
 use otolith::device::protocol::{DecodeCounters, PacketDecoder};
@@ -16,19 +14,6 @@ use otolith::time::HostTime;
 use otolith::units::DEG_PER_RAD;
 
 const GRAVITY: f64 = 9.81;
-
-/// A recorded log; `None` where the shared recordings are not at hand.
-fn shared_log(name: &str) -> Option<Vec<u8>> {
-    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/imu-logs")).join(name);
-    match std::fs::read(&path) {
-        Ok(bytes) => Some(bytes),
-        Err(error) if std::env::var_os("CI").is_some() => panic!("{}: {error}", path.display()),
-        Err(_) => {
-            crate::say_skipped("../shared is not here");
-            None
-        }
-    }
-}
 
 struct Played {
     samples: Vec<HeadSample>,
@@ -96,7 +81,7 @@ fn rest_of_its_first_rows(log: &[u8]) -> RestDetector {
 
 #[test]
 fn turntable_circle_matches_its_provenance() {
-    let Some(log) = shared_log("turntable/roomba_circular_start_rotate_stop.txt") else { return };
+    let Some(log) = crate::shared_capture("turntable/roomba_circular_start_rotate_stop.txt") else { return };
     let played = play(&log, "turntable-lsm9ds1.toml", &ImuSettings::default());
     assert_eq!(played.counters, DecodeCounters { packets: 1216, ..DecodeCounters::default() });
     assert_eq!(played.samples.len(), 1216);
@@ -118,7 +103,7 @@ fn turntable_circle_matches_its_provenance() {
 
 #[test]
 fn turntable_rest_window_matches_its_provenance() {
-    let Some(log) = shared_log("turntable/roomba_circular_start_rotate_stop.txt") else { return };
+    let Some(log) = crate::shared_capture("turntable/roomba_circular_start_rotate_stop.txt") else { return };
     let rest = rest_of_its_first_rows(&log);
     assert!(rest.is_at_rest(&ImuSettings::default().rest));
     let force = rest.mean_specific_force().unwrap();
@@ -134,7 +119,7 @@ fn turntable_rest_window_matches_its_provenance() {
 
 #[test]
 fn turntable_spin_matches_its_provenance() {
-    let Some(log) = shared_log("turntable/roomba_spin_23dps.txt") else { return };
+    let Some(log) = crate::shared_capture("turntable/roomba_spin_23dps.txt") else { return };
     let played = play(&log, "turntable-lsm9ds1.toml", &ImuSettings::default());
     assert_eq!(played.samples.len(), 1728);
     assert_near("turned", played.turned_deg(), -583.3, 5.8);
@@ -146,7 +131,7 @@ fn turntable_spin_matches_its_provenance() {
 
 #[test]
 fn turntable_log_keeps_the_link_alive_at_every_tick() {
-    let Some(log) = shared_log("turntable/roomba_circular_start_rotate_stop.txt") else { return };
+    let Some(log) = crate::shared_capture("turntable/roomba_circular_start_rotate_stop.txt") else { return };
     let mut resampler = Resampler::new(ImuSettings::default().hold_limit_s);
     let played = play(&log, "turntable-lsm9ds1.toml", &ImuSettings::default());
     played.samples.iter().for_each(|&sample| resampler.push(sample));
@@ -166,7 +151,7 @@ fn phone_logs_are_read_to_the_last_row_without_an_accelerometer() {
         ("phone/phyphox_z_circle_then_stop.csv", 2239, 22.467, 3914.9, 6.371),
         ("phone/phyphox_z_spinup.csv", 982, 9.848, 3645.9, 20.4),
     ] {
-        let Some(log) = shared_log(name) else { return };
+        let Some(log) = crate::shared_capture(name) else { return };
         let played = play(&log, "phyphox.toml", &ImuSettings::default());
         assert_eq!((played.counters.packets, played.counters.bad_checksum), (rows, 0), "{name}");
         assert_eq!(played.samples.len() as u64, rows);

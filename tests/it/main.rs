@@ -9,6 +9,19 @@ fn say_skipped(why: &str) {
     let _ = writeln!(std::io::stderr(), "skipped: {why}");
 }
 
+/// A file of the shared recordings; `None` where they are not at hand, which is said, and fails in CI.
+fn shared_capture(name: &str) -> Option<Vec<u8>> {
+    let path = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/imu-logs")).join(name);
+    match std::fs::read(&path) {
+        Ok(bytes) => Some(bytes),
+        Err(error) if std::env::var_os("CI").is_some() => panic!("{}: {error}", path.display()),
+        Err(_) => {
+            say_skipped("../shared is not here");
+            None
+        }
+    }
+}
+
 #[cfg(target_os = "linux")]
 mod can;
 mod candump;
@@ -16,6 +29,7 @@ mod cli;
 mod closed_loop;
 mod configs;
 mod core_robust;
+mod fault_matrix;
 mod imu_logs;
 mod layering;
 mod motions;
