@@ -39,7 +39,10 @@ pub(super) fn open_source(
             "{selector}: a device runs in real time, --pace max is for recordings and mocks\n\nhint: leave --pace out"
         )));
     }
-    let decoder = decoder(config.protocol.as_deref(), selector, sensor.mapping.as_ref())?;
+    let mut decoder = decoder(config.protocol.as_deref(), selector, sensor.mapping.as_ref())?;
+    if config.allow_degraded {
+        decoder.allow_degraded();
+    }
     let stamper = sensor.mapping.as_ref().filter(|_| decoder.protocol() == TEXT).map(line_stamper);
     let link = device::open(selector, clock, stamper)?;
     let link: Box<dyn Link> = match &config.faults {

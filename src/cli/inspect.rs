@@ -32,13 +32,16 @@ pub(super) struct InspectArgs {
     /// The file.
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Protocol instead of finding it out: otolith-serial, otolith-can, text.
+    /// Protocol instead of finding it out, for example otolith-serial, witmotion, openimu, text.
     #[arg(long, value_name = "NAME")]
     protocol: Option<String>,
     /// Columns of a text log.
     #[arg(long, value_name = "FILE.toml")]
     log_map: Option<PathBuf>,
 }
+    /// Take what a device without a gyroscope gives (BNO08x UART-RVC: rates in steps of 1 deg/s).
+    #[arg(long)]
+    allow_degraded: bool,
 
 pub(super) fn run(args: &InspectArgs, json: bool) -> Result<ExitCode, Failure> {
     let inspection =
@@ -64,6 +67,9 @@ fn log(args: &InspectArgs) -> Result<Inspection, Failure> {
         match link.receive(Duration::ZERO) {
             Ok(Some((at, traffic))) => tally.take(decoder.as_mut(), at, traffic),
             Ok(None) => {}
+    if args.allow_degraded {
+        decoder.allow_degraded();
+    }
             Err(LinkError::EndOfRecording) => break,
             Err(LinkError::Lost { port, source }) => {
                 return Err(DeviceError::File { path: port.into(), source }.into());
@@ -115,7 +121,7 @@ fn decoder_of_recording(
         (None, None) => None,
     };
     let protocol = args.protocol.as_deref().or(config.protocol.as_deref());
-    let decoder: Box<dyn PacketDecoder> = match (protocol, mapping) {
+    let mut decoder: Box<dyn PacketDecoder> = match (protocol, mapping) {
         (Some(TEXT), Some(mapping)) => Box::new(TextDecoder::new(&mapping)),
         (None, Some(mapping)) if matches!(selector, Selector::Replay { .. } | Selector::Serial { .. }) => {
             Box::new(TextDecoder::new(&mapping))
@@ -129,3 +135,6 @@ fn decoder_of_recording(
 fn log_mapping(file: Option<PathBuf>) -> Result<Option<TextMapping>, Failure> {
     Ok(Config { log_map: file, ..Config::default() }.sensor()?.mapping)
 }
+    if args.allow_degraded || config.allow_degraded {
+        decoder.allow_degraded();
+    }

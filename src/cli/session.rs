@@ -103,6 +103,10 @@ impl Session {
         } else {
             show::text(&table::render(&summary, table::stdout_takes_colour()))?;
         }
+        // Of a run without samples the error has them.
+        for note in facts.notes.iter().filter(|_| facts.imu.samples > 0) {
+            show::note(&format!("note: {note}"));
+        }
         written?;
         recorded?;
         self.verdict(facts, outcome)
@@ -233,7 +237,7 @@ impl Session {
     /// Why a run came to nothing.
     fn no_samples(&self, facts: &SourceFacts, outcome: &RunOutcome) -> Failure {
         let (ran_s, window_s) = (outcome.last_tick.time_s(), self.config.imu.align_window_s);
-        if facts.decode.packets > 0 && ran_s < window_s + self.config.live.input_delay_s {
+        if facts.imu.readings > 0 && ran_s < window_s + self.config.live.input_delay_s {
             return Failure::new(
                 FailureKind::Failed,
                 format!(
@@ -252,7 +256,7 @@ impl Session {
         Failure::new(
             FailureKind::Failed,
             format!(
-                "{}: not one sample arrived (protocol {}, {} good packets, {} bytes skipped)\n\nhint: {hint}",
+                "{}: not one sample arrived (protocol {}, {} good packets, {} bytes skipped){}\n\nhint: {hint}",
                 self.selector,
                 facts.protocol,
                 facts.decode.packets,
@@ -260,6 +264,7 @@ impl Session {
             ),
         )
     }
+                facts.notes.iter().map(|note| format!("; {note}")).collect::<String>(),
 }
 
 /// Facts about the device beyond the counters every run has.
@@ -288,6 +293,7 @@ fn device_facts(facts: &SourceFacts, outcome: &RunOutcome) -> serde_json::Value 
     })
 }
 
+        "notes": facts.notes,
 /// What distinguishes builds whose bits may differ.
 pub(super) fn build_fingerprint() -> String {
     let profile = if cfg!(debug_assertions) { "debug" } else { "release" };

@@ -34,6 +34,8 @@ pub struct Config {
     pub device: Option<String>,
     /// Protocol of the device; found by itself when absent.
     pub protocol: Option<String>,
+    /// Take readings that are worse than this program promises, from a device that has no better ones.
+    pub allow_degraded: bool,
     /// Mapping of the columns of a text log.
     pub log_map: Option<PathBuf>,
     /// Calibration of the sensor.

@@ -177,12 +177,13 @@ impl Source {
             clock: self.pipeline.clock_mode(),
             clock_drift_ppm: self.pipeline.clock_drift_ppm(),
             sync: self.decoder.sync_estimate(),
+            notes: self.decoder.notes(),
         }
     }
 }
 
 /// Everything a source has counted and found.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct SourceFacts {
     /// Name of the protocol.
     pub protocol: &'static str,
@@ -200,6 +201,8 @@ pub struct SourceFacts {
     pub clock_drift_ppm: f64,
     /// What the device answered to clock requests.
     pub sync: Option<SyncEstimate>,
+    /// What the decoder says about the device in words.
+    pub notes: Vec<String>,
 }
 
 #[cfg(test)]

@@ -16,6 +16,8 @@ mod cli;
 mod closed_loop;
 mod configs;
 mod core_robust;
+mod decoder_robust;
+mod device_vectors;
 mod imu_logs;
 mod layering;
 mod motions;
