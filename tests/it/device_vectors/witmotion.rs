@@ -1,7 +1,8 @@
-//! WitMotion: constructed samples.
+//! WitMotion: constructed samples, and the vendor's commands.
 
 use nalgebra::Vector3;
 use otolith::device::Traffic;
+use otolith::device::configure::{Request, witmotion};
 use otolith::device::protocol::detect::{AutoDecoder, Bus};
 use otolith::device::protocol::witmotion::can::WitMotionCanDecoder;
 use otolith::device::protocol::witmotion::serial::WitMotionDecoder;
@@ -70,4 +71,26 @@ fn both_links_are_found_without_losing_a_sample() {
         found.push(Traffic::CanFrame { id, extended: false, data: &data }, &mut |_| readings += 1);
     }
     assert_eq!((found.protocol(), readings), ("witmotion-can", 30));
+}
+
+/// The bytes a request comes to, as hexadecimal digits.
+fn commands(request: &Request) -> Vec<String> {
+    let steps = witmotion::plan(request).unwrap().steps;
+    steps.iter().map(|step| step.bytes.iter().map(|byte| format!("{byte:02x}")).collect()).collect()
+}
+
+#[test]
+fn the_commands_are_the_vendors() {
+    let of = |name: &str| vector(&format!("witmotion-cmd/{name}"))["hex"].as_str().unwrap().to_owned();
+    for (rate_hz, rate, baud, baud_name) in
+        [(200.0, "rate_200hz", 921_600, "baud_921600"), (100.0, "rate_100hz", 115_200, "baud_115200")]
+    {
+        let request = Request { rate_hz: Some(rate_hz), baud: Some(baud), save: true };
+        let expected = [of("unlock"), of("rsw_time_acc_gyro"), of(rate), of(baud_name), of("save")];
+        assert_eq!(commands(&request), expected);
+        let steps = witmotion::plan(&request).unwrap().steps;
+        let bauds: Vec<_> = steps.iter().map(|step| step.baud_after).collect();
+        assert_eq!(bauds, [None, None, None, Some(baud), None]);
+        assert_eq!(commands(&Request { save: false, ..request }), expected[..4]);
+    }
 }
