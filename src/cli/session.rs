@@ -6,12 +6,12 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use super::assemble::{Pace, open_source};
+use super::assemble::{Pace, known_log, open_source};
 use super::console::{listen_for_keys, show_status, stop_on_ctrl_c};
 use super::failure::{Failure, FailureKind};
 use super::outputs::Outputs;
 use super::show;
-use crate::config::Config;
+use crate::config::{Config, SENSOR_LOG_MAP};
 use crate::device::Selector;
 use crate::record::{Recorder, RecordingHeader};
 use crate::report::{Analysis, Caption, LinkCounters, RunFacts, Summary, TimingSummary, svg, table};
@@ -126,6 +126,9 @@ impl Session {
         let config = Config { device: Some(self.selector.to_string()), ..self.config.clone() };
         let mut models = BTreeMap::from([(name, text)]);
         models.extend(self.config.sensor_texts()?);
+        if let Some(known) = known_log(&self.config, &self.selector)? {
+            models.insert(SENSOR_LOG_MAP.to_owned(), known.text.to_owned());
+        }
         let header = RecordingHeader::new(config.to_toml(), models, build_fingerprint());
         Ok(Some(Recorder::create(path, self.force, &header)?))
     }
@@ -261,10 +264,10 @@ impl Session {
                 facts.protocol,
                 facts.decode.packets,
                 facts.decode.bytes_skipped + facts.link.bytes_skipped,
+                facts.notes.iter().map(|note| format!("; {note}")).collect::<String>(),
             ),
         )
     }
-                facts.notes.iter().map(|note| format!("; {note}")).collect::<String>(),
 }
 
 /// Facts about the device beyond the counters every run has.
@@ -290,10 +293,10 @@ fn device_facts(facts: &SourceFacts, outcome: &RunOutcome) -> serde_json::Value 
         "late_ticks": outcome.late_ticks,
         "stale_episodes": outcome.resample.stale_episodes,
         "lost_episodes": outcome.resample.lost_episodes,
+        "notes": facts.notes,
     })
 }
 
-        "notes": facts.notes,
 /// What distinguishes builds whose bits may differ.
 pub(super) fn build_fingerprint() -> String {
     let profile = if cfg!(debug_assertions) { "debug" } else { "release" };
