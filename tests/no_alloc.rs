@@ -1,4 +1,4 @@
-//! No heap operation in a tick: a counting allocator watches the core through a spin.
+//! No heap operation in a tick, nor in a decoder: a counting allocator watches.
 
 // An allocator is unsafe by its signature; this one only counts and hands on to the system's. It needs a test binary of
 // its own, since a program has one allocator.
@@ -9,6 +9,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use nalgebra::Vector3;
 use otolith::character::CharacterModel;
+use otolith::device::Traffic;
+use otolith::device::protocol::detect::decoder_by_name;
 use otolith::imu::LinkHealth;
 use otolith::motion::{MotionSettings, shipped_motion};
 use otolith::runtime::{Core, CoreSettings, Push};
@@ -84,4 +86,33 @@ fn ticks_do_not_touch_the_heap_in_a_spin_nor_in_a_motion_nor_in_a_fall() {
     operations(&mut core, 0..100);
     assert_eq!(operations(&mut core, 100..2500), (0, false), "falling");
     assert_eq!(operations(&mut core, 2500..5000).0, 0, "lying and standing up again");
+
+    decoders_do_not_touch_the_heap();
+}
+
+/// A packet or two of each foreign serial protocol: the vectors of `tests/golden/devices`.
+const PACKETS: [(&str, &str); 4] = [
+    ("witmotion", "5551000000000008f609ad555200000000d703000081"),
+    (
+        "openimu",
+        "55557a31288ce0670122bd9fbeba65d63eacfd1cc1df89c03f4bb0fc3f77334d407cf6e93dc412c3bbca7f0b3eb77f",
+    ),
+    ("openimu", "5555533118ffe000160cc0fffefff9ffff27eb27eb27eb27f728f5000223bc"),
+    ("bno08x-rvc", "aaaade010092ff25088dfeecffd103000000e7"),
+];
+
+fn decoders_do_not_touch_the_heap() {
+    for (name, packet) in PACKETS {
+        let hex = |at: usize| u8::from_str_radix(&packet[at..at + 2], 16).unwrap();
+        let packet: Vec<u8> = (0..packet.len()).step_by(2).map(hex).collect();
+        let damaged: Vec<u8> = packet.iter().enumerate().map(|(k, byte)| byte ^ u8::from(k == 7)).collect();
+        let mut decoder = decoder_by_name(name).unwrap();
+        decoder.allow_degraded();
+        let before = OPERATIONS.load(Ordering::Relaxed);
+        for piece in [&packet, &damaged, &packet, &packet] {
+            decoder.push(Traffic::Bytes(piece), &mut |_| {});
+        }
+        assert_eq!(OPERATIONS.load(Ordering::Relaxed), before, "{name}");
+        assert!(decoder.counters().packets >= 3 && decoder.counters().bytes_skipped > 0, "{name}");
+    }
 }

@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use super::failure::Failure;
-use crate::config::{Config, ConfigError, Sensor};
+use crate::config::{Config, ConfigError};
 use crate::device::configure::Plan;
 use crate::device::fault::FaultInjector;
 use crate::device::protocol::PacketDecoder;
 use crate::device::protocol::detect::{TEXT, decoder_by_name, decoder_for};
-use crate::device::protocol::text::{TextDecoder, TextMapping};
+use crate::device::protocol::text::{self, KnownLog, TextDecoder, TextMapping};
 use crate::device::replay::{self, FileKind};
 use crate::device::{self, DeviceError, LineStamper, Link, Selector, pacer::Paced};
 use crate::imu::ImuPipeline;
@@ -32,15 +32,26 @@ pub(super) fn open_source(
     pace: Pace,
     clock: &Arc<dyn Clock>,
 ) -> Result<Source, Failure> {
-    let sensor = config.sensor()?;
-    check_text_log(config, selector, &sensor)?;
+    let mut sensor = config.sensor()?;
+    let known = known_log(config, selector)?;
+    if let Some(known) = known {
+        sensor.mapping = Some(known.mapping().map_err(ConfigError::from)?);
+    }
+    if let Some(mapping) = &sensor.mapping {
+        let map_file = config.log_map.as_ref().map(|path| path.display().to_string());
+        let map_file = map_file.or(known.map(|known| known.file.to_owned())).unwrap_or_default();
+        check_text_log(selector, mapping, &map_file)?;
+    }
     let live = matches!(selector, Selector::Serial { .. } | Selector::Can { .. });
     if live && pace == Pace::Max {
         return Err(Failure::usage(format!(
             "{selector}: a device runs in real time, --pace max is for recordings and mocks\n\nhint: leave --pace out"
         )));
     }
-    let decoder = decoder(config.protocol.as_deref(), selector, sensor.mapping.as_ref())?;
+    let mut decoder = decoder(config.protocol.as_deref(), selector, sensor.mapping.as_ref())?;
+    if config.allow_degraded {
+        decoder.allow_degraded();
+    }
     let stamper = sensor.mapping.as_ref().filter(|_| decoder.protocol() == TEXT).map(line_stamper);
     let link = match plan(config, selector)? {
         Some((port, baud, plan)) => device::open_serial(port, baud, clock, Some(plan))?,
@@ -111,6 +122,18 @@ pub(super) fn line_stamper(mapping: &TextMapping) -> LineStamper {
     Box::new(move |line| times.time_of_line(line).map(|seconds| ((seconds + OFFSET_S).max(0.0) * 1e9) as u64))
 }
 
+/// The built-in mapping for the device's lines: for a text log with a header that is known, unless the configuration names
+/// a mapping or another protocol.
+pub(super) fn known_log(config: &Config, selector: &Selector) -> Result<Option<KnownLog>, Failure> {
+    let Selector::Replay { path, .. } = selector else { return Ok(None) };
+    let text_may_be_meant = config.protocol.as_deref().is_none_or(|protocol| protocol == TEXT);
+    if config.log_map.is_some() || !text_may_be_meant || !is_text_log(selector)? {
+        return Ok(None);
+    }
+    let found = text::known_log(&path.display().to_string(), &replay::first_line(path)?);
+    Ok(found.map_err(ConfigError::from)?)
+}
+
 /// Whether the device is a log of text lines.
 fn is_text_log(selector: &Selector) -> Result<bool, DeviceError> {
     let Selector::Replay { path, kind, .. } = selector else { return Ok(false) };
@@ -123,18 +146,14 @@ fn is_text_log(selector: &Selector) -> Result<bool, DeviceError> {
 
 /// Holds a text log against its mapping: a missing column or a value that is no number is an error before the run,
 /// not a row count after it. Of a device the same is only counted.
-fn check_text_log(config: &Config, selector: &Selector, sensor: &Sensor) -> Result<(), Failure> {
-    let (Selector::Replay { path, .. }, Some(mapping), Some(map_file)) =
-        (selector, &sensor.mapping, &config.log_map)
-    else {
-        return Ok(());
-    };
+fn check_text_log(selector: &Selector, mapping: &TextMapping, map_file: &str) -> Result<(), Failure> {
+    let Selector::Replay { path, .. } = selector else { return Ok(()) };
     if !is_text_log(selector)? {
         return Ok(());
     }
     let log = std::fs::read(path).map_err(|source| DeviceError::File { path: path.clone(), source })?;
     let name = path.display().to_string();
-    mapping.check_log(&name, &map_file.display().to_string(), &log).map_err(ConfigError::from)?;
+    mapping.check_log(&name, map_file, &log).map_err(ConfigError::from)?;
     mapping.check_rows(&name, &log).map_err(ConfigError::from)?;
     Ok(())
 }

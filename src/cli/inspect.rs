@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::assemble::{decoder, line_stamper};
+use super::assemble::{decoder, known_log, line_stamper};
 use super::failure::{Failure, FailureKind};
 use super::replay::{damage_text, open};
 use super::show;
@@ -27,17 +27,21 @@ use tally::Tally;
 #[command(after_help = "Examples:\n  \
     otolith inspect run.mcap\n  \
     otolith inspect capture.bin --protocol otolith-serial --json\n  \
+    otolith inspect phyphox.csv\n  \
     otolith inspect log.txt --log-map configs/logs/turntable-lsm9ds1.toml")]
 pub(super) struct InspectArgs {
     /// The file.
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Protocol instead of finding it out: otolith-serial, otolith-can, text.
+    /// Protocol instead of finding it out, for example otolith-serial, witmotion, openimu, text.
     #[arg(long, value_name = "NAME")]
     protocol: Option<String>,
     /// Columns of a text log.
     #[arg(long, value_name = "FILE.toml")]
     log_map: Option<PathBuf>,
+    /// Take what a device without a gyroscope gives (BNO08x UART-RVC: rates in steps of 1 deg/s).
+    #[arg(long)]
+    allow_degraded: bool,
 }
 
 pub(super) fn run(args: &InspectArgs, json: bool) -> Result<ExitCode, Failure> {
@@ -54,9 +58,18 @@ pub(super) fn run(args: &InspectArgs, json: bool) -> Result<ExitCode, Failure> {
 
 /// A log or a raw capture, through its decoder.
 fn log(args: &InspectArgs) -> Result<Inspection, Failure> {
-    let mapping = log_mapping(args.log_map.clone())?;
     let selector: Selector = format!("replay:{}", args.file.display()).parse()?;
+    let (log_map, protocol) = (args.log_map.clone(), args.protocol.clone());
+    let config = Config { log_map, protocol, ..Config::default() };
+    let known = known_log(&config, &selector)?;
+    let mapping = match known {
+        Some(known) => Some(known.mapping().map_err(ConfigError::from)?),
+        None => config.sensor()?.mapping,
+    };
     let mut decoder = decoder(args.protocol.as_deref(), &selector, mapping.as_ref())?;
+    if args.allow_degraded {
+        decoder.allow_degraded();
+    }
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::start_now());
     let mut link = device::open(&selector, &clock, mapping.as_ref().map(line_stamper))?;
     let mut tally = Tally::default();
@@ -74,6 +87,9 @@ fn log(args: &InspectArgs) -> Result<Inspection, Failure> {
     let kind = format!("{:?}", replay::detect(&args.file)?).to_lowercase();
     let mut inspection = tally.inspection(&args.file, &kind, decoder.as_ref());
     inspection.link.bytes_skipped += link.status().bytes_skipped;
+    if let Some(known) = known {
+        inspection.notes.push(format!("columns as in the built-in {}", known.file));
+    }
     Ok(inspection)
 }
 
@@ -115,7 +131,7 @@ fn decoder_of_recording(
         (None, None) => None,
     };
     let protocol = args.protocol.as_deref().or(config.protocol.as_deref());
-    let decoder: Box<dyn PacketDecoder> = match (protocol, mapping) {
+    let mut decoder: Box<dyn PacketDecoder> = match (protocol, mapping) {
         (Some(TEXT), Some(mapping)) => Box::new(TextDecoder::new(&mapping)),
         (None, Some(mapping)) if matches!(selector, Selector::Replay { .. } | Selector::Serial { .. }) => {
             Box::new(TextDecoder::new(&mapping))
@@ -123,6 +139,9 @@ fn decoder_of_recording(
         (Some(name), _) => decoder_by_name(name)?,
         (None, _) => decoder_for(&selector),
     };
+    if args.allow_degraded || config.allow_degraded {
+        decoder.allow_degraded();
+    }
     Ok(decoder)
 }
 

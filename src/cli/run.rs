@@ -59,12 +59,15 @@ struct SensorArgs {
     /// Columns of a text log.
     #[arg(long, value_name = "FILE.toml")]
     log_map: Option<PathBuf>,
-    /// Protocol of the device instead of finding it out: otolith-serial, otolith-can, text.
+    /// Protocol of the device instead of finding it out, for example otolith-serial, witmotion, openimu, text.
     #[arg(long, value_name = "NAME")]
     protocol: Option<String>,
     /// Set the device up first: rate=HZ, baud=N, save. Needs --protocol; without this flag nothing is changed on a device.
     #[arg(long, value_name = "KEY=VALUE,...")]
     configure: Option<String>,
+    /// Take what a device without a gyroscope gives (BNO08x UART-RVC: rates in steps of 1 deg/s).
+    #[arg(long)]
+    allow_degraded: bool,
     /// How the sensor is mounted on the chair.
     #[arg(long, value_name = "FILE.toml")]
     mount: Option<PathBuf>,
@@ -85,6 +88,7 @@ impl SensorArgs {
         }
         config.protocol = self.protocol.clone().or(config.protocol.take());
         config.configure = self.configure.clone().or(config.configure.take());
+        config.allow_degraded |= self.allow_degraded;
     }
 }
 

@@ -6,12 +6,12 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use super::assemble::{Pace, open_source};
+use super::assemble::{Pace, known_log, open_source};
 use super::console::{listen_for_keys, show_status, stop_on_ctrl_c};
 use super::failure::{Failure, FailureKind};
 use super::outputs::Outputs;
 use super::show;
-use crate::config::Config;
+use crate::config::{Config, SENSOR_LOG_MAP};
 use crate::device::Selector;
 use crate::record::{Recorder, RecordingHeader};
 use crate::report::{Analysis, Caption, LinkCounters, RunFacts, Summary, TimingSummary, svg, table};
@@ -103,6 +103,10 @@ impl Session {
         } else {
             show::text(&table::render(&summary, table::stdout_takes_colour()))?;
         }
+        // Of a run without samples the error has them.
+        for note in facts.notes.iter().filter(|_| facts.imu.samples > 0) {
+            show::note(&format!("note: {note}"));
+        }
         written?;
         recorded?;
         self.verdict(facts, outcome)
@@ -122,6 +126,9 @@ impl Session {
         let config = Config { device: Some(self.selector.to_string()), ..self.config.clone() };
         let mut models = BTreeMap::from([(name, text)]);
         models.extend(self.config.sensor_texts()?);
+        if let Some(known) = known_log(&self.config, &self.selector)? {
+            models.insert(SENSOR_LOG_MAP.to_owned(), known.text.to_owned());
+        }
         let header = RecordingHeader::new(config.to_toml(), models, build_fingerprint());
         Ok(Some(Recorder::create(path, self.force, &header)?))
     }
@@ -233,7 +240,7 @@ impl Session {
     /// Why a run came to nothing.
     fn no_samples(&self, facts: &SourceFacts, outcome: &RunOutcome) -> Failure {
         let (ran_s, window_s) = (outcome.last_tick.time_s(), self.config.imu.align_window_s);
-        if facts.decode.packets > 0 && ran_s < window_s + self.config.live.input_delay_s {
+        if facts.imu.readings > 0 && ran_s < window_s + self.config.live.input_delay_s {
             return Failure::new(
                 FailureKind::Failed,
                 format!(
@@ -252,11 +259,12 @@ impl Session {
         Failure::new(
             FailureKind::Failed,
             format!(
-                "{}: not one sample arrived (protocol {}, {} good packets, {} bytes skipped)\n\nhint: {hint}",
+                "{}: not one sample arrived (protocol {}, {} good packets, {} bytes skipped){}\n\nhint: {hint}",
                 self.selector,
                 facts.protocol,
                 facts.decode.packets,
                 facts.decode.bytes_skipped + facts.link.bytes_skipped,
+                facts.notes.iter().map(|note| format!("; {note}")).collect::<String>(),
             ),
         )
     }
@@ -289,6 +297,7 @@ fn device_facts(facts: &SourceFacts, outcome: &RunOutcome) -> serde_json::Value 
         "late_ticks": outcome.late_ticks,
         "stale_episodes": outcome.resample.stale_episodes,
         "lost_episodes": outcome.resample.lost_episodes,
+        "notes": facts.notes,
     })
 }
 

@@ -36,6 +36,8 @@ pub struct Config {
     pub protocol: Option<String>,
     /// Commands to the device before it is listened to, such as `rate=200`; none are sent when absent.
     pub configure: Option<String>,
+    /// Take readings that are worse than this program promises, from a device that has no better ones.
+    pub allow_degraded: bool,
     /// Mapping of the columns of a text log.
     pub log_map: Option<PathBuf>,
     /// Calibration of the sensor.

@@ -3,19 +3,16 @@
 use std::collections::VecDeque;
 
 use super::health::{AgeLimits, LinkMonitor, ResampleCounters};
+use super::intervals::{Intervals, LONGEST_USUAL_S};
 use super::{HeadSample, LinkHealth};
 use crate::time::HostTime;
 use crate::vestibular::HeadMotion;
 
 /// Samples the buffer holds; a stream of 1 kHz may run 4 s ahead of the ticks.
 pub const RESAMPLE_CAPACITY: usize = 4096;
-/// Intervals whose median is the usual interval.
-const INTERVALS: usize = 15;
 /// A newest sample up to this old is fresh whatever the rate, s: batches of a USB bridge and stalls of a shared machine
 /// stay below it mostly.
 const FRESH_S: f64 = 0.04;
-/// Longest interval that counts as usual, s: below 5 Hz nothing is held longer than for 5 Hz.
-const LONGEST_USUAL_S: f64 = 0.2;
 
 /// Interpolates head samples to the times of the ticks.
 ///
@@ -32,9 +29,7 @@ pub struct Resampler {
     samples: VecDeque<HeadSample>,
     newest: Option<HostTime>,
     hold_limit_s: f64,
-    intervals_s: [f64; INTERVALS],
-    intervals_seen: usize,
-    usual_interval_s: Option<f64>,
+    intervals: Intervals,
     monitor: LinkMonitor,
     counters: ResampleCounters,
 }
@@ -46,9 +41,7 @@ impl Resampler {
             samples: VecDeque::with_capacity(RESAMPLE_CAPACITY),
             newest: None,
             hold_limit_s,
-            intervals_s: [0.0; INTERVALS],
-            intervals_seen: 0,
-            usual_interval_s: None,
+            intervals: Intervals::new(hold_limit_s.max(LONGEST_USUAL_S)),
             monitor: LinkMonitor::default(),
             counters: ResampleCounters::default(),
         }
@@ -62,7 +55,7 @@ impl Resampler {
                 self.counters.out_of_order += 1;
                 return;
             }
-            self.note_interval(sample.at.saturating_since(newest).as_secs_f64());
+            self.intervals.take(sample.at.saturating_since(newest).as_secs_f64());
         }
         self.newest = Some(sample.at);
         if self.samples.len() == RESAMPLE_CAPACITY {
@@ -110,26 +103,13 @@ impl Resampler {
     /// Everything counted so far.
     pub fn counters(&self) -> ResampleCounters {
         let (stale_episodes, lost_episodes) = self.monitor.episodes();
-        ResampleCounters { stale_episodes, lost_episodes, ..self.counters }
+        ResampleCounters { gaps: self.intervals.gaps(), stale_episodes, lost_episodes, ..self.counters }
     }
 
     fn limits(&self) -> AgeLimits {
-        let usual_s = self.usual_interval_s.unwrap_or(0.0).min(LONGEST_USUAL_S);
+        let usual_s = self.intervals.usual_s().unwrap_or(0.0).min(LONGEST_USUAL_S);
         let hold_s = self.hold_limit_s.max(3.0 * usual_s);
         AgeLimits { fresh_s: (1.5 * usual_s).max(FRESH_S.min(0.5 * self.hold_limit_s)), hold_s }
-    }
-
-    /// Counts a gap and keeps the median interval up to date.
-    fn note_interval(&mut self, interval_s: f64) {
-        let gap_from_s =
-            self.usual_interval_s.map_or(self.hold_limit_s.max(LONGEST_USUAL_S), |usual| 3.0 * usual);
-        self.counters.gaps += u64::from(interval_s > gap_from_s);
-        self.intervals_s[self.intervals_seen % INTERVALS] = interval_s;
-        self.intervals_seen += 1;
-        let mut sorted = self.intervals_s;
-        let known = &mut sorted[..self.intervals_seen.min(INTERVALS)];
-        let (_, &mut median, _) = known.select_nth_unstable_by((known.len() - 1) / 2, f64::total_cmp);
-        self.usual_interval_s = Some(median);
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::trouble::{Change, Trouble, TroubleWatch};
+use super::trouble::{Change, Counts, Trouble, TroubleWatch};
 use crate::device::protocol::{DecodeCounters, ImuReading, PacketDecoder, SyncEstimate};
 use crate::device::{DeviceError, Link, LinkError, LinkStatus, Traffic, bandwidth};
 use crate::imu::{AlignmentReport, ClockMode, HeadSample, ImuCounters, ImuPipeline};
@@ -146,9 +146,9 @@ impl Source {
             self.decoder.rejoin();
         }
         self.status = status;
-        let facts = self.facts();
         let at = self.last_at;
-        self.troubles.look(at, &facts, |change| match change {
+        let counts = Counts { decode: self.decoder.counters(), link: status, imu: self.pipeline.counters() };
+        self.troubles.look(at, &counts, |change| match change {
             // Told above, with the reason.
             Change::Begun(Trouble::ConnectionLost) | Change::Over(Trouble::ConnectionLost, _) => {}
             Change::Begun(trouble) => sink.event(at, &format!("trouble: {}", trouble.name())),
@@ -210,12 +210,13 @@ impl Source {
             clock_drift_ppm: self.pipeline.clock_drift_ppm(),
             sync: self.decoder.sync_estimate(),
             constant_delay: self.pipeline.constant_delay(),
+            notes: self.decoder.notes(),
         }
     }
 }
 
 /// Everything a source has counted and found.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct SourceFacts {
     /// Name of the protocol.
     pub protocol: &'static str,
@@ -235,6 +236,8 @@ pub struct SourceFacts {
     pub sync: Option<SyncEstimate>,
     /// The delay taken off every sample, ns, and whether clock requests measured it.
     pub constant_delay: (u64, bool),
+    /// What the decoder says about the device in words.
+    pub notes: Vec<String>,
 }
 
 #[cfg(test)]

@@ -2,7 +2,9 @@
 
 use std::time::Duration;
 
-use super::source::SourceFacts;
+use crate::device::LinkStatus;
+use crate::device::protocol::DecodeCounters;
+use crate::imu::ImuCounters;
 use crate::time::HostTime;
 
 /// A trouble is over when it has not shown for this long.
@@ -87,8 +89,8 @@ impl Trouble {
     }
 
     /// How often it has shown.
-    fn count(self, facts: &SourceFacts) -> u64 {
-        let SourceFacts { decode, link, imu, .. } = facts;
+    fn count(self, counts: &Counts) -> u64 {
+        let Counts { decode, link, imu } = counts;
         match self {
             Trouble::ConnectionLost => link.losses,
             Trouble::BusOff => link.bus_off,
@@ -107,6 +109,17 @@ impl Trouble {
             Trouble::NotFinite => imu.non_finite,
         }
     }
+}
+
+/// Everything that is counted on the way to head samples.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Counts {
+    /// By the decoder.
+    pub decode: DecodeCounters,
+    /// By the link.
+    pub link: LinkStatus,
+    /// By the IMU path.
+    pub imu: ImuCounters,
 }
 
 /// A change to note.
@@ -147,17 +160,17 @@ impl TroubleWatch {
     }
 
     /// Looks at what has been counted up to `now` and calls `on_change` for what has begun or is over.
-    pub fn look(&mut self, now: HostTime, facts: &SourceFacts, mut on_change: impl FnMut(Change)) {
-        let samples_come = facts.imu.readings > self.readings;
-        self.readings = facts.imu.readings;
+    pub fn look(&mut self, now: HostTime, counts: &Counts, mut on_change: impl FnMut(Change)) {
+        let samples_come = counts.imu.readings > self.readings;
+        self.readings = counts.imu.readings;
         for (trouble, episode) in TROUBLES.into_iter().zip(&mut self.episodes) {
             if self.blind & (1 << trouble as u32) != 0 {
                 continue;
             }
-            let count = trouble.count(facts);
+            let count = trouble.count(counts);
             // A late packet takes back a loss: that is no new trouble.
             let rose = count > episode.seen;
-            let lasts = trouble == Trouble::ConnectionLost && facts.link.down;
+            let lasts = trouble == Trouble::ConnectionLost && counts.link.down;
             match &mut episode.present {
                 None if rose => {
                     episode.present = Some((episode.seen, now));
@@ -184,16 +197,12 @@ impl TroubleWatch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::device::LinkStatus;
-    use crate::device::protocol::DecodeCounters;
-    use crate::imu::ImuCounters;
 
-    fn facts(samples: u64, bad_checksum: u64, link: LinkStatus) -> SourceFacts {
-        SourceFacts {
+    fn counts(samples: u64, bad_checksum: u64, link: LinkStatus) -> Counts {
+        Counts {
             decode: DecodeCounters { bad_checksum, ..DecodeCounters::default() },
             imu: ImuCounters { readings: samples, ..ImuCounters::default() },
             link,
-            ..SourceFacts::default()
         }
     }
 
@@ -208,7 +217,7 @@ mod tests {
         for k in 0..100_u64 {
             // Two damaged packets at 200 ms, one more at 300 ms.
             let bad = [0, 2, 3][usize::from(k >= 20) + usize::from(k >= 30)];
-            watch.look(ms(10 * k), &facts(k, bad, LinkStatus::default()), |change| {
+            watch.look(ms(10 * k), &counts(k, bad, LinkStatus::default()), |change| {
                 changes.push((10 * k, change))
             });
             assert_eq!(watch.present().count(), usize::from((20..55).contains(&k)), "{k}");
@@ -224,7 +233,7 @@ mod tests {
         let back = LinkStatus { down: false, losses: 1, reconnects: 1, ..LinkStatus::default() };
         let mut over = Vec::new();
         let mut look = |at, samples, link| {
-            watch.look(ms(at), &facts(samples, 0, link), |change| over.push((at, change)));
+            watch.look(ms(at), &counts(samples, 0, link), |change| over.push((at, change)));
         };
         look(0, 1, LinkStatus::default());
         look(10, 1, down);
@@ -239,7 +248,7 @@ mod tests {
     fn a_blind_watch_is_blind_to_nothing_else() {
         let mut watch = TroubleWatch::blind_to([Trouble::DamagedPackets]);
         let status = LinkStatus { bus_off: 1, ..LinkStatus::default() };
-        watch.look(ms(0), &facts(1, 1, status), |_| {});
+        watch.look(ms(0), &counts(1, 1, status), |_| {});
         assert!(watch.present().eq([Trouble::BusOff]));
     }
 }

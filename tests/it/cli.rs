@@ -2,6 +2,7 @@
 
 mod demo;
 mod inspect;
+mod inspect_logs;
 mod logs;
 mod perceive;
 mod recording;

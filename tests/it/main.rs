@@ -29,6 +29,8 @@ mod cli;
 mod closed_loop;
 mod configs;
 mod core_robust;
+mod decoder_robust;
+mod device_vectors;
 mod fault_matrix;
 mod imu_logs;
 mod layering;

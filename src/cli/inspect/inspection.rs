@@ -44,8 +44,8 @@ impl fmt::Display for Inspection {
         let link = &self.link;
         writeln!(
             f,
-            "  packets {}, bad checksum {}, bytes skipped {}, missing {}",
-            link.packets, link.bad_checksum, link.bytes_skipped, link.missing
+            "  packets {}, bad checksum {}, bytes skipped {}, missing {}, gaps {}",
+            link.packets, link.bad_checksum, link.bytes_skipped, link.missing, link.gaps
         )?;
         write!(f, "  samples {}", self.samples)?;
         if let (Some(duration_s), Some(rate_hz)) = (self.duration_s, self.rate_hz) {

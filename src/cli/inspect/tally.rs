@@ -8,6 +8,7 @@ use super::inspection::{Inspection, Range};
 use crate::device::Traffic;
 use crate::device::protocol::detect::protocol_names;
 use crate::device::protocol::{DecodeCounters, DeviceTime, ImuReading, PacketDecoder};
+use crate::imu::Intervals;
 use crate::report::LinkCounters;
 use crate::time::HostTime;
 
@@ -25,6 +26,8 @@ pub(super) struct Tally {
     last_us: Option<u64>,
     /// Time by the device's clock since its first sample, µs.
     device_us: i64,
+    /// Intervals between samples, by the device's clock where both have one, else by arrival.
+    intervals: Intervals,
     /// Arrival of the last piece.
     last_at: HostTime,
     omega: Extent,
@@ -71,6 +74,7 @@ impl Tally {
 
     fn reading(&mut self, at: HostTime, reading: &ImuReading) {
         self.samples += 1;
+        let arrival_s = self.arrivals.map(|(_, last)| at.saturating_since(last).as_secs_f64());
         self.arrivals = Some((self.arrivals.map_or(at, |(first, _)| first), at));
         self.clipped += u64::from(reading.clipped);
         let values = reading.omega_imu.iter().chain(reading.specific_force_imu.iter().flatten());
@@ -83,22 +87,29 @@ impl Tally {
             Some(force) => self.force.take(force),
             None => self.without_force += 1,
         }
-        match reading.device_time {
+        let device_s = match reading.device_time {
             Some(time) => self.device_time(time),
-            None => self.without_time += 1,
+            None => {
+                self.without_time += 1;
+                None
+            }
+        };
+        // Samples of one piece have no time between them, a clock that was set has none that is known.
+        if let Some(interval_s) = device_s.or(arrival_s).filter(|interval_s| *interval_s > 0.0) {
+            self.intervals.take(interval_s);
         }
     }
 
-    /// Follows the device's clock through its wraps; a step back is one.
-    fn device_time(&mut self, time: DeviceTime) {
-        if let Some(last_us) = self.last_us.replace(time.micros) {
-            let mut step_us = time.micros.wrapping_sub(last_us) as i64;
-            if let Some(wrap_us) = time.wraps_after_us.map(|wrap_us| wrap_us as i64).filter(|us| *us > 0) {
-                step_us = step_us.rem_euclid(wrap_us);
-                step_us -= if step_us > wrap_us / 2 { wrap_us } else { 0 };
-            }
-            self.device_us = self.device_us.saturating_add(step_us);
+    /// Follows the device's clock through its wraps; a step back is one. Gives the step, s.
+    fn device_time(&mut self, time: DeviceTime) -> Option<f64> {
+        let last_us = self.last_us.replace(time.micros)?;
+        let mut step_us = time.micros.wrapping_sub(last_us) as i64;
+        if let Some(wrap_us) = time.wraps_after_us.map(|wrap_us| wrap_us as i64).filter(|us| *us > 0) {
+            step_us = step_us.rem_euclid(wrap_us);
+            step_us -= if step_us > wrap_us / 2 { wrap_us } else { 0 };
         }
+        self.device_us = self.device_us.saturating_add(step_us);
+        Some(step_us as f64 * 1e-6)
     }
 
     /// From the first sample to the last, by the device's clock if every sample carries it, else by arrival.
@@ -122,7 +133,7 @@ impl Tally {
                 bad_checksum: counters.bad_checksum,
                 bytes_skipped: counters.bytes_skipped,
                 missing: counters.missing,
-                gaps: 0,
+                gaps: self.intervals.gaps(),
                 dropped: counters.device_dropped,
             },
             samples: self.samples,

@@ -1,7 +1,11 @@
 //! Which protocol a device speaks: by name, or by who understands it.
 
+use super::bno08x_rvc::Bno08xRvcDecoder;
 use super::native_can::NativeCanDecoder;
 use super::native_serial::NativeSerialDecoder;
+use super::openimu::OpenImuDecoder;
+use super::witmotion::can::WitMotionCanDecoder;
+use super::witmotion::serial::WitMotionDecoder;
 use super::{DecodeCounters, DeviceInfo, ImuReading, PacketDecoder, SyncEstimate};
 use crate::device::{DeviceError, Selector, Traffic};
 
@@ -9,6 +13,14 @@ use crate::device::{DeviceError, Selector, Traffic};
 pub const OTOLITH_SERIAL: &str = "otolith-serial";
 /// Our protocol on classic CAN.
 pub const OTOLITH_CAN: &str = "otolith-can";
+/// Aceinna OpenIMU on a serial line.
+pub const OPENIMU: &str = "openimu";
+/// CEVA BNO08x in UART-RVC mode.
+pub const BNO08X_RVC: &str = "bno08x-rvc";
+/// WitMotion on a serial line.
+pub const WITMOTION: &str = "witmotion";
+/// WitMotion on CAN.
+pub const WITMOTION_CAN: &str = "witmotion-can";
 /// Lines of text, described by a mapping file.
 pub const TEXT: &str = "text";
 
@@ -48,6 +60,30 @@ pub const PROTOCOLS: &[Protocol] = &[
         bus: Bus::Can,
         certain_after: Some(3),
         make: Some(|| Box::new(NativeCanDecoder::new(None))),
+    },
+    Protocol {
+        name: OPENIMU,
+        bus: Bus::Serial,
+        certain_after: Some(3),
+        make: Some(|| Box::new(OpenImuDecoder::new())),
+    },
+    Protocol {
+        name: BNO08X_RVC,
+        bus: Bus::Serial,
+        certain_after: Some(12),
+        make: Some(|| Box::new(Bno08xRvcDecoder::new(false))),
+    },
+    Protocol {
+        name: WITMOTION,
+        bus: Bus::Serial,
+        certain_after: Some(20),
+        make: Some(|| Box::new(WitMotionDecoder::new())),
+    },
+    Protocol {
+        name: WITMOTION_CAN,
+        bus: Bus::Can,
+        certain_after: Some(20),
+        make: Some(|| Box::new(WitMotionCanDecoder::new(None))),
     },
     Protocol { name: TEXT, bus: Bus::Serial, certain_after: None, make: None },
 ];
@@ -221,6 +257,10 @@ impl PacketDecoder for AutoDecoder {
 
     fn notes(&self) -> Vec<String> {
         self.leader().map(PacketDecoder::notes).unwrap_or_default()
+    }
+
+    fn allow_degraded(&mut self) {
+        self.candidates.iter_mut().for_each(|candidate| candidate.decoder.allow_degraded());
     }
 }
 

@@ -4,15 +4,20 @@ use nalgebra::Vector3;
 
 use super::Traffic;
 
+pub mod bno08x_rvc;
+mod crc16;
+mod dead_band;
 pub mod detect;
 mod drops;
 mod frames;
 pub mod native_can;
 pub mod native_serial;
+pub mod openimu;
 mod period;
 mod sequence;
 mod sync;
 pub mod text;
+pub mod witmotion;
 
 use drops::DropCount;
 pub use sync::SyncEstimate;
@@ -121,6 +126,8 @@ pub trait PacketDecoder: Send {
     fn notes(&self) -> Vec<String> {
         Vec::new()
     }
+    /// Gives out readings that are worse than this program promises, where a protocol has no better ones.
+    fn allow_degraded(&mut self) {}
 }
 
 impl PacketDecoder for Box<dyn PacketDecoder> {
@@ -156,5 +163,8 @@ impl PacketDecoder for Box<dyn PacketDecoder> {
     }
     fn notes(&self) -> Vec<String> {
         (**self).notes()
+    }
+    fn allow_degraded(&mut self) {
+        (**self).allow_degraded();
     }
 }

@@ -6,10 +6,12 @@
 
 mod check;
 mod error;
+mod known;
 mod mapping;
 mod row;
 
 pub use error::TextError;
+pub use known::{KNOWN_LOGS, KnownLog, known_log};
 pub use mapping::TextMapping;
 pub use row::LineTimes;
 
@@ -29,6 +31,7 @@ pub struct TextDecoder {
     rows: RowReader,
     rate_hz: Option<f64>,
     wraps_after_us: Option<u64>,
+    note: Option<String>,
     line: Box<[u8; MAX_LINE]>,
     length: usize,
     /// The present line is too long: skip to its end.
@@ -45,6 +48,7 @@ impl TextDecoder {
             rows: RowReader::new(mapping),
             rate_hz: mapping.rate_hz(),
             wraps_after_us: mapping.wraps_after_us(),
+            note: mapping.note.clone(),
             line: Box::new([0; MAX_LINE]),
             length: 0,
             overlong: false,
@@ -125,6 +129,10 @@ impl PacketDecoder for TextDecoder {
         if self.length > 0 || self.overlong {
             self.end_line(on_reading);
         }
+    }
+
+    fn notes(&self) -> Vec<String> {
+        self.note.iter().cloned().collect()
     }
 }
 

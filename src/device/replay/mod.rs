@@ -61,6 +61,17 @@ pub fn detect(path: &Path) -> Result<FileKind, DeviceError> {
     Ok(kind_of(path, start))
 }
 
+/// The first line of a text log that is not blank, without its end; empty where there is none in the first 8 KiB.
+///
+/// # Errors
+/// [`DeviceError::File`] or [`DeviceError::EmptyFile`].
+pub fn first_line(path: &Path) -> Result<Vec<u8>, DeviceError> {
+    let mut reader = open_file(path)?;
+    let start = reader.fill_buf().map_err(|source| file_error(path, source))?;
+    let lines = start.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii);
+    Ok(lines.into_iter().find(|line| !line.is_empty()).unwrap_or_default().to_vec())
+}
+
 /// Opens a recording as a link. `kind` overrides what the content looks like. A text log without `stamp_line` and a
 /// raw capture are stamped by the time their bytes take at `baud`.
 ///

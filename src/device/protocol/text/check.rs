@@ -50,7 +50,8 @@ impl TextMapping {
 
     /// Reads a whole log and reports its first row that does not read; returns the number of rows.
     ///
-    /// The last line is not judged: a log that was cut off is a counted loss, not a wrong file.
+    /// Neither the last line is judged nor rows with nothing in a mapped column: a log that was cut off, or a sensor that
+    /// had nothing to say, is a counted loss and not a wrong file.
     ///
     /// # Errors
     /// [`TextError::BadRow`] with line, column and what stands there.
@@ -61,7 +62,7 @@ impl TextMapping {
         while let Some((index, line)) = lines.next() {
             match reader.read(line) {
                 Line::Empty => {}
-                Line::Bad if lines.peek().is_none() => {}
+                Line::Bad if lines.peek().is_none() || reader.lacks_a_value(line) => {}
                 Line::Bad => {
                     return Err(TextError::BadRow {
                         log: log.to_owned(),

@@ -5,7 +5,7 @@
 pub enum TextError {
     /// The mapping is not TOML, or has an unknown key, unit or a wrong type.
     #[error(
-        "{file}: {source}\nhint: a mapping has delimiter, header, comment, column_count, rate_hz and the tables \
+        "{file}: {source}\nhint: a mapping has delimiter, header, comment, column_count, rate_hz, note and the tables \
          [time], [gyro] and [specific_force]; see configs/logs/"
     )]
     Toml {
@@ -67,6 +67,16 @@ pub enum TextError {
         line: usize,
         /// Column, what stands there and what was expected.
         what: String,
+    },
+    /// A log of a known program that cannot be read without more being known, or not at all.
+    #[error("{log}: {what}\n\nhint: {hint}")]
+    Unusable {
+        /// Name of the log.
+        log: String,
+        /// What it is and what it lacks.
+        what: &'static str,
+        /// What to do.
+        hint: &'static str,
     },
     /// The log has no line but blank ones and comments.
     #[error("{log}: no line with data\n\nhint: the file is empty or holds only comments")]

@@ -96,6 +96,7 @@ fn all_positive() -> [i8; 3] {
 /// comment = "#"          # lines that start so are skipped; default none
 /// column_count = 7       # rows with another count are bad; default: not fewer than the first line has
 /// rate_hz = 100.0        # sample rate, needed where there is no [time]
+/// note = "..."           # what to know about such logs; shown by `otolith inspect`
 /// [time]
 /// column = "t"           # name in the header, or number from 1
 /// unit = "s"             # s, ms, us, ns
@@ -119,6 +120,7 @@ pub struct TextMapping {
     pub(super) comment: Option<String>,
     pub(super) column_count: Option<usize>,
     rate_hz: Option<f64>,
+    pub(super) note: Option<String>,
     time: Option<TimeTable>,
     gyro: VectorTable<RateUnit>,
     specific_force: Option<VectorTable<ForceUnit>>,

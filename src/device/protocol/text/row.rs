@@ -107,6 +107,15 @@ impl RowReader {
         values[..columns.len()].iter().all(|value| value.is_finite()).then_some((values, count))
     }
 
+    /// Whether a mapped column of this row is there and empty.
+    pub(super) fn lacks_a_value(&self, line: &[u8]) -> bool {
+        let Some(columns) = self.columns else { return false };
+        let columns = &columns[..self.fields.len()];
+        split(line, self.delimiter)
+            .enumerate()
+            .any(|(column, text)| text.is_empty() && columns.contains(&column))
+    }
+
     /// Blank and comment lines.
     pub(super) fn is_empty(&self, line: &[u8]) -> bool {
         let text = line.trim_ascii();
@@ -115,7 +124,7 @@ impl RowReader {
     }
 
     /// Column of each field, from 0. Names are looked up in the header line.
-    fn find_columns(&self, header: &[u8]) -> Option<[usize; MAX_FIELDS]> {
+    pub(super) fn find_columns(&self, header: &[u8]) -> Option<[usize; MAX_FIELDS]> {
         let mut columns = [0; MAX_FIELDS];
         for (found, field) in columns.iter_mut().zip(&self.fields) {
             *found = self.find_column(field, header)?;
