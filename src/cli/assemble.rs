@@ -122,8 +122,8 @@ pub(super) fn line_stamper(mapping: &TextMapping) -> LineStamper {
     Box::new(move |line| times.time_of_line(line).map(|seconds| ((seconds + OFFSET_S).max(0.0) * 1e9) as u64))
 }
 
-/// The built-in mapping for the device's lines: for a text log with a header that is known, unless the configuration names
-/// a mapping or another protocol.
+/// The built-in mapping for the device's lines: for a text log with a header that is known, unless the configuration
+/// names a mapping or another protocol.
 pub(super) fn known_log(config: &Config, selector: &Selector) -> Result<Option<KnownLog>, Failure> {
     let Selector::Replay { path, .. } = selector else { return Ok(None) };
     let text_may_be_meant = config.protocol.as_deref().is_none_or(|protocol| protocol == TEXT);

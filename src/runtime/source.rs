@@ -157,6 +157,9 @@ impl Source {
         if !self.recognised && self.decoder.counters().packets > 0 && self.decoder.protocol() != "unknown" {
             self.recognised = true;
             sink.event(self.last_at, &format!("protocol {}", self.decoder.protocol()));
+            for note in self.decoder.notes() {
+                sink.event(self.last_at, &note);
+            }
         }
     }
 

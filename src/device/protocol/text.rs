@@ -1,4 +1,5 @@
-//! Text lines with numbers: CSV logs and sketches that print their samples, read by a [`TextMapping`].
+//! Text lines with numbers: CSV logs and sketches that print their samples, read by a [`TextMapping`]. For logs of some
+//! programs there is a built-in one, found by [`known_log`].
 //!
 //! The format has no checksum and no counter: a row that does not read is counted in
 //! [`DecodeCounters::bad_checksum`], and rows that never came cannot be seen ([`DecodeCounters::missing`] stays 0;

@@ -324,4 +324,5 @@ fn a_device_without_a_gyroscope_is_refused_unless_that_is_accepted() {
     assert!(recorded["device"]["notes"].to_string().contains("degraded"), "{recorded:#}");
     let json = place.run(&["inspect", "r.mcap", "--json"]).done().json();
     assert_eq!(number(&json, "/samples"), 399.0, "the recording keeps what was accepted");
+    assert!(json["events"].to_string().contains("degraded"), "{json:#}");
 }

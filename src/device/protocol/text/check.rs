@@ -50,8 +50,8 @@ impl TextMapping {
 
     /// Reads a whole log and reports its first row that does not read; returns the number of rows.
     ///
-    /// Neither the last line is judged nor rows with nothing in a mapped column: a log that was cut off, or a sensor that
-    /// had nothing to say, is a counted loss and not a wrong file.
+    /// Neither the last line is judged nor rows with nothing in a mapped column: a log that was cut off, or a sensor
+    /// that had nothing to say, is a counted loss and not a wrong file.
     ///
     /// # Errors
     /// [`TextError::BadRow`] with line, column and what stands there.
