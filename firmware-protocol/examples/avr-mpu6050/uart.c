@@ -16,8 +16,8 @@ static uint8_t taking;  /* of the main loop */
 
 void uart_start(void)
 {
+    UCSR0A = _BV(U2X0); /* before the divisor: simavr 1.6 looks at it only then */
     UBRR0 = UART_DIVISOR - 1;
-    UCSR0A = _BV(U2X0);
     UCSR0C = _BV(UCSZ01) | _BV(UCSZ00);
     UCSR0B = _BV(RXCIE0) | _BV(RXEN0) | _BV(TXEN0);
 }

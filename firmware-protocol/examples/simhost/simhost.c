@@ -1,8 +1,8 @@
 /* Runs an AVR firmware under simavr at the pace of the clock, with its UART 0 on a pseudo terminal: to a program it looks
  * like a serial device. `simhost --help` has the usage. */
 #define _GNU_SOURCE
+#include <elf.h>
 #include <errno.h>
-#include <getopt.h>
 #include <math.h>
 #include <signal.h>
 #include <stdarg.h>
@@ -16,6 +16,7 @@
 #include <simavr/sim_elf.h>
 
 #include "mpu6050.h"
+#include "settings.h"
 #include "terminal.h"
 
 /* The terminal is served every millisecond of AVR time. */
@@ -23,31 +24,8 @@
 /* Bytes from the terminal that wait for the UART. */
 #define INBOX_SIZE 64
 
+/* Exit status. */
 enum { DONE = 0, FAILED = 1, USAGE = 2 };
-
-static const char usage[] =
-    "usage: simhost [OPTION...] FIRMWARE.elf LINK\n"
-    "Runs FIRMWARE.elf with its UART 0 on a pseudo terminal named by the symbolic link LINK, until SIGINT or SIGTERM.\n"
-    "\n"
-    "  --mcu NAME            default atmega328p\n"
-    "  --frequency-hz N      default 16000000\n"
-    "  --duration-s S        stop after S seconds of AVR time\n"
-    "  --no-pace             as fast as it goes, instead of at the pace of the clock\n"
-    "  --reset-on-open       restart the firmware when the terminal is opened, as the DTR line of an Arduino does\n"
-    "  --mpu6050 FILE        put an MPU-6050 on the I2C bus that goes through the motion in FILE: lines of\n"
-    "                        t_s wx wy wz fx fy fz, in s, deg/s and g, straight lines in between\n"
-    "  --unplug FROM,TO      the MPU-6050 is gone between these seconds after the start of the firmware\n"
-    "\n"
-    "At the end it says how long it ran, how far it fell behind, and what became of the firmware's bytes.\n"
-    "Exit status: 0 done, 1 failed, 2 usage.\n";
-
-struct settings {
-    const char *firmware, *link_name, *mcu, *motion;
-    uint32_t frequency_hz;
-    double duration_s;
-    double unplugged_from_s, unplugged_to_s;
-    bool paced, reset_on_open;
-};
 
 struct host {
     avr_t *avr;
@@ -77,78 +55,6 @@ static double now_s(void)
     return (double)now.tv_sec + (double)now.tv_nsec * 1e-9;
 }
 
-/* ---------------------------------------------------------------- command line */
-
-static bool read_number(const char *option, const char *text, double *number)
-{
-    char *end;
-    *number = strtod(text, &end);
-    if (end != text && *end == '\0' && isfinite(*number) && *number > 0)
-        return true;
-    fprintf(stderr, "simhost: --%s: expected a number above 0, got '%s'\n", option, text);
-    return false;
-}
-
-static bool read_window(const char *text, double *from_s, double *to_s)
-{
-    char rest;
-    if (sscanf(text, "%lf,%lf%c", from_s, to_s, &rest) == 2 && *from_s >= 0 && *from_s < *to_s)
-        return true;
-    fprintf(stderr, "simhost: --unplug: expected FROM,TO in seconds, FROM first, got '%s'\n", text);
-    return false;
-}
-
-static bool read_option(const char *name, const char *value, struct settings *settings)
-{
-    double number;
-    if (strcmp(name, "mcu") == 0)
-        settings->mcu = value;
-    else if (strcmp(name, "mpu6050") == 0)
-        settings->motion = value;
-    else if (strcmp(name, "no-pace") == 0)
-        settings->paced = false;
-    else if (strcmp(name, "reset-on-open") == 0)
-        settings->reset_on_open = true;
-    else if (strcmp(name, "unplug") == 0)
-        return read_window(value, &settings->unplugged_from_s, &settings->unplugged_to_s);
-    else if (strcmp(name, "duration-s") == 0)
-        return read_number(name, value, &settings->duration_s);
-    else if (strcmp(name, "frequency-hz") == 0) {
-        if (!read_number(name, value, &number) || number > 1e8)
-            return false;
-        settings->frequency_hz = (uint32_t)number;
-    }
-    return true;
-}
-
-/* False where the command line is wrong; what is wrong has been printed. */
-static bool read_arguments(int argc, char **argv, struct settings *settings)
-{
-    static const struct option options[] = {
-        {"mcu", required_argument, NULL, 0},          {"frequency-hz", required_argument, NULL, 0},
-        {"duration-s", required_argument, NULL, 0},   {"no-pace", no_argument, NULL, 0},
-        {"reset-on-open", no_argument, NULL, 0},      {"mpu6050", required_argument, NULL, 0},
-        {"unplug", required_argument, NULL, 0},       {"help", no_argument, NULL, 'h'},
-        {NULL, 0, NULL, 0},
-    };
-    int found, index = 0;
-    while ((found = getopt_long(argc, argv, "h", options, &index)) != -1) {
-        if (found == 'h') {
-            fputs(usage, stdout);
-            exit(DONE);
-        }
-        if (found == '?' || !read_option(options[index].name, optarg, settings))
-            return false;
-    }
-    if (argc - optind != 2) {
-        fputs(usage, stderr);
-        return false;
-    }
-    settings->firmware = argv[optind];
-    settings->link_name = argv[optind + 1];
-    return true;
-}
-
 /* ---------------------------------------------------------------- the simulated microcontroller */
 
 /* simavr talks much; what is no error is left out. */
@@ -168,13 +74,33 @@ static void do_not_sleep(avr_t *avr, avr_cycle_count_t how_long)
     (void)how_long;
 }
 
+/* Says on stderr if it is not. simavr itself takes a text for an empty program and falls over other machines' programs. */
+static bool is_avr_program(const char *path)
+{
+    static const unsigned char magic[] = {0x7F, 'E', 'L', 'F', 1 /* 32 bit */, 1 /* little-endian */};
+    unsigned char head[20] = {0};
+    FILE *file = fopen(path, "rb");
+    if (!file) {
+        fprintf(stderr, "simhost: cannot open %s: %s\n", path, strerror(errno));
+        return false;
+    }
+    size_t length = fread(head, 1, sizeof head, file);
+    fclose(file);
+    bool found = length == sizeof head && memcmp(head, magic, sizeof magic) == 0 && head[18] == EM_AVR && head[19] == 0;
+    if (!found)
+        fprintf(stderr, "simhost: %s is no AVR program in ELF\n", path);
+    return found;
+}
+
 /* NULL if it cannot be done, said on stderr. */
 static avr_t *load(const struct settings *settings)
 {
     static elf_firmware_t firmware;
     avr_global_logger_set(log_errors);
+    if (!is_avr_program(settings->firmware))
+        return NULL;
     if (elf_read_firmware(settings->firmware, &firmware)) {
-        fprintf(stderr, "simhost: %s is no AVR program in ELF\n", settings->firmware);
+        fprintf(stderr, "simhost: simavr cannot load %s\n", settings->firmware);
         return NULL;
     }
     avr_t *avr = avr_make_mcu_by_name(settings->mcu);
@@ -306,11 +232,10 @@ static void stop_on_signals(void)
 
 int main(int argc, char **argv)
 {
-    struct settings settings
-        = {.mcu = "atmega328p", .frequency_hz = 16000000, .duration_s = INFINITY, .paced = true};
     static struct host host;
+    struct settings settings;
     struct motion motion = {0};
-    if (!read_arguments(argc, argv, &settings))
+    if (!settings_read(argc, argv, &settings))
         return USAGE;
     if (settings.motion && !motion_read(&motion, settings.motion))
         return FAILED;
