@@ -1,7 +1,8 @@
 /* Wire format of otolith's IMU firmware, version 1, for C99 firmware. The specification is ../README.md.
  *
- * Header only: constants, byte offsets, and the few functions a sender needs. No heap, no libc beyond
- * <stdint.h> and <string.h>. Bytes are written one by one: any alignment, any byte order of the CPU.
+ * Header only: constants, byte offsets, the few functions a device needs to send, and one to read what the host
+ * sends. No heap, no libc beyond <stdint.h> and <string.h>. Bytes are written and read one by one: any alignment, any
+ * byte order of the CPU. A whole device is in ../examples.
  */
 #ifndef OTOLITH_PROTOCOL_H
 #define OTOLITH_PROTOCOL_H
@@ -229,6 +230,128 @@ static inline size_t otolith_hello(uint8_t frame[OTOLITH_MAX_FRAME], uint8_t seq
     memcpy(at, hello->name, name_length);
     return otolith_finish_frame(frame, OTOLITH_HELLO, seq, OTOLITH_HELLO_SIZE + name_length);
 }
+
+/* What STATUS says. The counts run since power-up, modulo 65536. */
+struct otolith_status {
+    uint64_t t_us;                 /* the samples' clock without its wrap */
+    int16_t temperature_centi_deg; /* 0.01 deg C */
+    uint32_t flags;                /* OTOLITH_FLAG_... */
+    uint16_t dropped;              /* samples dropped before sending */
+    uint16_t tx_overrun;           /* frames that did not fit the transmit queue */
+    uint16_t sensor_err;           /* failed reads of the sensor */
+};
+
+/* A whole STATUS frame; returns its length, always 26. */
+static inline size_t otolith_status(uint8_t frame[OTOLITH_MAX_FRAME], uint8_t seq, const struct otolith_status *status)
+{
+    uint8_t *at = otolith_put_u64(otolith_payload(frame), status->t_us);
+    at = otolith_put_u16(at, (uint16_t)status->temperature_centi_deg);
+    at = otolith_put_u32(at, status->flags);
+    at = otolith_put_u16(at, status->dropped);
+    at = otolith_put_u16(at, status->tx_overrun);
+    at = otolith_put_u16(at, status->sensor_err);
+    return otolith_finish_frame(frame, OTOLITH_STATUS, seq, (size_t)(at - otolith_payload(frame)));
+}
+
+/* A whole SYNC frame; returns its length, always 30. t1_us is the request's, t2_us when the request had come and t3_us
+ * when this answer begins to leave, device time. */
+static inline size_t otolith_sync(uint8_t frame[OTOLITH_MAX_FRAME], uint8_t seq, uint64_t t1_us, uint64_t t2_us,
+                                  uint64_t t3_us)
+{
+    uint8_t *at = otolith_put_u64(otolith_payload(frame), t1_us);
+    at = otolith_put_u64(at, t2_us);
+    at = otolith_put_u64(at, t3_us);
+    return otolith_finish_frame(frame, OTOLITH_SYNC, seq, (size_t)(at - otolith_payload(frame)));
+}
+
+/* A whole TEXT frame; returns its length, or 0 if the line is longer than 246 bytes. */
+static inline size_t otolith_text(uint8_t frame[OTOLITH_MAX_FRAME], uint8_t seq, const char *line)
+{
+    size_t length = strlen(line);
+    if (length > OTOLITH_MAX_PAYLOAD)
+        return 0;
+    memcpy(otolith_payload(frame), line, length);
+    return otolith_finish_frame(frame, OTOLITH_TEXT, seq, length);
+}
+
+/* What the host asks. */
+struct otolith_cmd {
+    uint8_t code; /* enum otolith_command, or one of a later version */
+    uint32_t arg;
+    uint8_t token;
+};
+
+/* A whole ACK frame; returns its length, always 13. value is the one now in force. */
+static inline size_t otolith_ack(uint8_t frame[OTOLITH_MAX_FRAME], uint8_t seq, const struct otolith_cmd *cmd,
+                                 uint8_t result, uint32_t value)
+{
+    uint8_t *at = otolith_put_u8(otolith_payload(frame), cmd->code);
+    at = otolith_put_u8(at, result);
+    at = otolith_put_u32(at, value);
+    at = otolith_put_u8(at, cmd->token);
+    return otolith_finish_frame(frame, OTOLITH_ACK, seq, (size_t)(at - otolith_payload(frame)));
+}
+
+/* ---------------------------------------------------------------- receiving: little-endian fields */
+
+static inline uint16_t otolith_u16_at(const uint8_t *at)
+{
+    return (uint16_t)(at[0] | (uint16_t)((uint16_t)at[1] << 8));
+}
+
+static inline uint32_t otolith_u32_at(const uint8_t *at)
+{
+    return otolith_u16_at(at) | (uint32_t)otolith_u16_at(at + 2) << 16;
+}
+
+static inline uint64_t otolith_u64_at(const uint8_t *at)
+{
+    return otolith_u32_at(at) | (uint64_t)otolith_u32_at(at + 4) << 32;
+}
+
+/* ---------------------------------------------------------------- receiving: what stood between two delimiters */
+
+#define OTOLITH_FRAMING_ERROR (-1) /* no frame: broken COBS, too short or too long */
+#define OTOLITH_CRC_ERROR (-2)
+
+/* Where type, sequence number and payload of a piece are, once otolith_open_frame has undone its COBS. */
+#define OTOLITH_TYPE_AT 1
+#define OTOLITH_SEQ_AT 2
+#define OTOLITH_PAYLOAD_AT 3
+
+/* Undoes COBS in place and checks the CRC of a piece, the delimiter left out. Returns the length of its payload, or
+ * OTOLITH_FRAMING_ERROR or OTOLITH_CRC_ERROR: drop the piece then. An empty piece (two delimiters in a row) is a
+ * framing error here; it is legal, so do not count it. */
+static inline int otolith_open_frame(uint8_t *piece, size_t length)
+{
+    size_t at = 0;
+    if (length < 1 + 4 || length > OTOLITH_MAX_FRAME - 1)
+        return OTOLITH_FRAMING_ERROR;
+    for (;;) {
+        size_t next = at + piece[at];
+        if (next == at || next > length)
+            return OTOLITH_FRAMING_ERROR;
+        piece[at] = 0; /* the first is the COBS byte, which is no part of the body */
+        if (next == length)
+            break;
+        at = next;
+    }
+    if (otolith_crc16(piece + 1, length - 3) != otolith_u16_at(piece + length - 2))
+        return OTOLITH_CRC_ERROR;
+    return (int)(length - OTOLITH_PAYLOAD_AT - 2);
+}
+
+/* Reads the OTOLITH_CMD_SIZE bytes of a CMD. */
+static inline struct otolith_cmd otolith_cmd_at(const uint8_t *payload)
+{
+    struct otolith_cmd cmd;
+    cmd.code = payload[0];
+    cmd.arg = otolith_u32_at(payload + 1);
+    cmd.token = payload[5];
+    return cmd;
+}
+
+/* ---------------------------------------------------------------- classic CAN data */
 
 /* The 8 data bytes of GYRO or ACCEL; tick = low 16 bits of the device time in 10 us units. */
 static inline void otolith_can_half(uint8_t data[OTOLITH_CAN_DLC], const int16_t xyz[3], uint16_t tick)
