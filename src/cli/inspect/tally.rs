@@ -4,6 +4,7 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 
+use super::bus::BusTally;
 use super::inspection::{Inspection, Range};
 use crate::device::Traffic;
 use crate::device::protocol::detect::protocol_names;
@@ -28,6 +29,7 @@ pub(super) struct Tally {
     last_at: HostTime,
     omega: Extent,
     force: Extent,
+    bus: BusTally,
 }
 
 #[derive(Debug, Default)]
@@ -56,9 +58,15 @@ impl Extent {
 }
 
 impl Tally {
+    /// A tally that looks for a ready mapping of CAN signals on the way.
+    pub(super) fn trying_can_maps() -> Self {
+        Self { bus: BusTally::trying_maps(), ..Self::default() }
+    }
+
     /// Shows a piece of traffic that arrived at `at` to the decoder and takes its readings.
     pub(super) fn take(&mut self, decoder: &mut dyn PacketDecoder, at: HostTime, traffic: Traffic<'_>) {
         self.last_at = at;
+        self.bus.take(at, traffic);
         decoder.push(traffic, &mut |reading| self.reading(at, &reading));
     }
 
@@ -125,21 +133,25 @@ impl Tally {
             omega_rad_s: self.omega.range(),
             specific_force_m_s2: self.force.range(),
             clipped: self.clipped,
+            can: self.bus.report(),
             ticks: None,
             damage: None,
             events: Vec::new(),
-            notes: self.notes(decoder, &counters),
+            notes: self.notes(file, decoder, &counters),
         }
     }
 
     /// What is missing, in words.
-    fn notes(&self, decoder: &dyn PacketDecoder, counters: &DecodeCounters) -> Vec<String> {
+    fn notes(&self, file: &Path, decoder: &dyn PacketDecoder, counters: &DecodeCounters) -> Vec<String> {
         let mut notes = Vec::new();
         if self.samples == 0 {
             notes.push(match decoder.protocol() {
                 "unknown" => format!("no sample was found: this is none of {}", protocol_names()),
                 protocol => format!("no sample of protocol {protocol} was found"),
             });
+        }
+        if let Some(bus) = self.bus.report().filter(|_| decoder.protocol() == "unknown") {
+            notes.extend(bus.advice(&file.display().to_string()));
         }
         if self.samples > 0 && self.without_force == self.samples {
             notes.push("no accelerometer: tilt cannot be measured".to_owned());

@@ -4,12 +4,14 @@ use nalgebra::Vector3;
 
 use super::Traffic;
 
+pub mod can_map;
 pub mod detect;
 mod drops;
 mod frames;
 pub mod native_can;
 pub mod native_serial;
 mod period;
+mod quantity;
 mod sync;
 pub mod text;
 
