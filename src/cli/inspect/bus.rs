@@ -1,7 +1,6 @@
 //! Who is on a CAN bus: its identifiers, and which ready mappings fit them.
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 
 use serde::Serialize;
 
@@ -89,7 +88,7 @@ impl BusTally {
     pub(super) fn report(&self) -> Option<BusReport> {
         let mut identifiers: Vec<IdReport> =
             self.ids.iter().map(|(&(extended, id), tally)| tally.report(extended, id)).collect();
-        identifiers.sort_by(|one, other| other.frames.cmp(&one.frames));
+        identifiers.sort_by_key(|found| std::cmp::Reverse(found.frames));
         let fitting = self.trials.iter().filter(|trial| self.fits(trial));
         let fitting_maps = fitting.map(|trial| trial.map.name().to_owned()).collect();
         (self.frames > 0).then_some(BusReport { frames: self.frames, identifiers, fitting_maps })
@@ -143,34 +142,34 @@ impl IdTally {
 }
 
 impl BusReport {
-    /// What a user who has named no mapping can do with the `file` of this bus.
-    pub(super) fn advice(&self, file: &str) -> Vec<String> {
-        let mut named = String::new();
-        for found in self.identifiers.iter().take(NAMED) {
-            // Writing into a string does not fail.
-            let _written = match found.rate_hz {
-                Some(rate_hz) => write!(named, ", {} ({rate_hz:.1} Hz)", found.id),
-                None => write!(named, ", {}", found.id),
-            };
-        }
-        let mut notes = vec![format!(
+    /// Who is on the bus.
+    pub(super) fn in_words(&self) -> String {
+        let named = self.identifiers.iter().take(NAMED).map(|found| match found.rate_hz {
+            Some(rate_hz) => format!("{} ({rate_hz:.1} Hz)", found.id),
+            None => found.id.clone(),
+        });
+        format!(
             "a CAN bus: {} identifiers in {} frames, most often {}",
             self.identifiers.len(),
             self.frames,
-            named.trim_start_matches(", ")
-        )];
-        let file = shell_word(file);
+            named.collect::<Vec<_>>().join(", ")
+        )
+    }
+
+    /// What a user who has named no mapping can do with the `file` of this bus.
+    pub(super) fn advice(&self, file: &str) -> Vec<String> {
         if self.fitting_maps.is_empty() {
-            notes.push(
+            return vec![
                 "no ready mapping fits; describe the sensor by a DBC file and a mapping (examples in configs/can): \
                  --map FILE.toml --dbc FILE.dbc"
                     .to_owned(),
-            );
+            ];
         }
-        for map in &self.fitting_maps {
-            notes.push(format!("the mapping {map} fits this bus: otolith inspect {file} --map {map}"));
-        }
-        notes
+        let file = shell_word(file);
+        let fitting = self.fitting_maps.iter();
+        fitting
+            .map(|map| format!("the mapping {map} fits this bus: otolith inspect {file} --map {map}"))
+            .collect()
     }
 }
 
@@ -209,9 +208,7 @@ mod tests {
         );
         assert_eq!((most.rate_hz, most.median_interval_ms), (Some(40.0), Some(10.0)));
         assert_eq!((report.identifiers[1].rate_hz, report.identifiers[1].median_interval_ms), (None, None));
-        assert!(
-            report.advice("a.log")[0].ends_with("2 identifiers in 6 frames, most often 07A (40.0 Hz), 010")
-        );
+        assert!(report.in_words().ends_with("2 identifiers in 6 frames, most often 07A (40.0 Hz), 010"));
     }
 
     /// The frames of an SBG sensor, then one that is too short: the same identifiers, but of somebody else.
@@ -224,10 +221,10 @@ mod tests {
         }
         assert_eq!(bus.report().unwrap().fitting_maps, ["sbg-no-time"]);
         let advice = bus.report().unwrap().advice("my log.txt");
-        assert!(advice[1].ends_with("otolith inspect 'my log.txt' --map sbg-no-time"), "{advice:?}");
+        assert!(advice[0].ends_with("otolith inspect 'my log.txt' --map sbg-no-time"), "{advice:?}");
         take(&mut bus, 51, 0x122, &[0; 8]);
         let report = bus.report().unwrap();
-        assert!(report.fitting_maps.is_empty() && report.advice("x")[1].contains("--dbc"), "{report:?}");
+        assert!(report.fitting_maps.is_empty() && report.advice("x")[0].contains("--dbc"), "{report:?}");
     }
 
     #[test]

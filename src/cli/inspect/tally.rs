@@ -4,7 +4,7 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 
-use super::bus::BusTally;
+use super::bus::{BusReport, BusTally};
 use super::inspection::{Inspection, Range};
 use crate::device::Traffic;
 use crate::device::protocol::detect::protocol_names;
@@ -113,6 +113,10 @@ impl Tally {
     /// What was found.
     pub(super) fn inspection(&self, file: &Path, kind: &str, decoder: &dyn PacketDecoder) -> Inspection {
         let counters = decoder.counters();
+        let mut can = self.bus.report();
+        if let Some(can) = can.as_mut().filter(|_| decoder.protocol() != "unknown") {
+            can.fitting_maps.clear();
+        }
         let duration_s = self.duration_s();
         let rate_hz = duration_s.filter(|s| *s > 0.0).map(|s| self.samples.saturating_sub(1) as f64 / s);
         Inspection {
@@ -133,16 +137,22 @@ impl Tally {
             omega_rad_s: self.omega.range(),
             specific_force_m_s2: self.force.range(),
             clipped: self.clipped,
-            can: self.bus.report(),
             ticks: None,
             damage: None,
             events: Vec::new(),
-            notes: self.notes(file, decoder, &counters),
+            notes: self.notes(file, decoder, &counters, can.as_ref()),
+            can,
         }
     }
 
     /// What is missing, in words.
-    fn notes(&self, file: &Path, decoder: &dyn PacketDecoder, counters: &DecodeCounters) -> Vec<String> {
+    fn notes(
+        &self,
+        file: &Path,
+        decoder: &dyn PacketDecoder,
+        counters: &DecodeCounters,
+        can: Option<&BusReport>,
+    ) -> Vec<String> {
         let mut notes = Vec::new();
         if self.samples == 0 {
             notes.push(match decoder.protocol() {
@@ -150,8 +160,11 @@ impl Tally {
                 protocol => format!("no sample of protocol {protocol} was found"),
             });
         }
-        if let Some(bus) = self.bus.report().filter(|_| decoder.protocol() == "unknown") {
-            notes.extend(bus.advice(&file.display().to_string()));
+        if let Some(can) = can.filter(|_| self.samples == 0) {
+            notes.push(can.in_words());
+            if decoder.protocol() == "unknown" {
+                notes.extend(can.advice(&file.display().to_string()));
+            }
         }
         if self.samples > 0 && self.without_force == self.samples {
             notes.push("no accelerometer: tilt cannot be measured".to_owned());

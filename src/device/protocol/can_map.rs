@@ -84,6 +84,14 @@ impl MappedMessage<'_> {
     }
 }
 
+/// Name and identifier, as people write them.
+impl std::fmt::Display for MappedMessage<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let digits = if self.extended { 8 } else { 3 };
+        write!(f, "{} (0x{:0digits$X})", self.name, self.id)
+    }
+}
+
 impl CanMap {
     /// Compiles the mapping `text` with the DBC file `dbc_text`; `name` and `dbc_name` name them in errors.
     ///
@@ -162,6 +170,8 @@ pub struct CanMapDecoder {
     /// Source address that is followed where identifiers are masked.
     source: Option<u8>,
     other_sources: u64,
+    /// Which of the plan's frames have come, one bit each.
+    seen: u32,
 }
 
 impl CanMapDecoder {
@@ -183,14 +193,16 @@ impl CanMapDecoder {
             last_micros: None,
             source: map.mapping.source_address,
             other_sources: 0,
+            seen: 0,
             map: map.clone(),
         }
     }
 
     fn take_frame(&mut self, id: u32, extended: bool, data: &[u8]) -> Option<Part> {
         let mask = self.map.id_mask();
-        let is_frame = |frame: &&Frame| frame.extended == extended && (frame.id ^ id) & mask == 0;
-        let frame = self.map.plan.frames.iter().find(is_frame)?;
+        let is_frame = |frame: &Frame| frame.extended == extended && (frame.id ^ id) & mask == 0;
+        let at = self.map.plan.frames.iter().position(is_frame)?;
+        let frame = &self.map.plan.frames[at];
         if extended && mask & SOURCE_ADDRESS == 0 {
             let source = (id & SOURCE_ADDRESS) as u8;
             if *self.source.get_or_insert(source) != source {
@@ -202,6 +214,7 @@ impl CanMapDecoder {
             self.counters.bad_checksum += 1;
             return None;
         }
+        self.seen |= 1 << at;
         let count = frame.counter(data);
         let part = frame.part(data).and_then(|part| match part {
             Some(part) => Ok(Some((part.index, self.read_part(part, data)?))),
@@ -339,6 +352,17 @@ impl PacketDecoder for CanMapDecoder {
 
     fn notes(&self) -> Vec<String> {
         let mut notes = self.map.assumptions();
+        let missing: Vec<String> = self
+            .map
+            .messages()
+            .enumerate()
+            .filter(|(at, message)| message.required && self.seen & (1 << at) == 0)
+            .map(|(_, message)| message.to_string())
+            .collect();
+        if !missing.is_empty() {
+            notes
+                .push(format!("not one frame came of {}: no sample is complete without", missing.join(", ")));
+        }
         let counted = [
             (self.counters.unknown, "frames were too short for the signals mapped in them"),
             (self.counters.device_errors, "frames held an error value or no number"),

@@ -51,7 +51,7 @@ pub enum CanMapError {
     },
     /// A message or signal of the mapping that the DBC file does not have.
     #[error(
-        "{file}: {key} names {got}, {dbc} has {found}\n\nhint: correct {key}, or name the DBC file that has it with --dbc"
+        "{file}: {key} names {got}, {found}\n\nhint: correct {key}, or name the DBC file that has it with --dbc"
     )]
     NotInDbc {
         /// Name of the mapping file.
@@ -60,13 +60,11 @@ pub enum CanMapError {
         key: String,
         /// The message or signal asked for.
         got: String,
-        /// Name of the DBC file.
-        dbc: String,
-        /// What the DBC file has instead.
+        /// The DBC file and what it has instead.
         found: String,
     },
     /// A signal that is there but cannot be read.
-    #[error("{file}: {key} names {got}, which in {dbc} {problem}\n\nhint: {hint}")]
+    #[error("{file}: {key} names {got}, which in {problem}\n\nhint: {hint}")]
     Unreadable {
         /// Name of the mapping file.
         file: String,
@@ -74,10 +72,8 @@ pub enum CanMapError {
         key: String,
         /// The signal.
         got: String,
-        /// Name of the DBC file.
-        dbc: String,
-        /// Why it cannot be read.
-        problem: &'static str,
+        /// The DBC file and why it cannot be read.
+        problem: String,
         /// What to do.
         hint: &'static str,
     },

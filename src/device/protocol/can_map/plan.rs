@@ -130,8 +130,7 @@ impl Compiler<'_> {
             file: self.file.to_owned(),
             key: key.to_owned(),
             got: name.to_string(),
-            dbc: self.dbc_file.to_owned(),
-            found,
+            found: format!("{} has {found}", self.dbc_file),
         };
         let message = self.dbc.message(&name.message).ok_or_else(|| {
             missing(format!("the messages {}", list(self.dbc.messages.iter().map(|message| &message.name))))
@@ -140,12 +139,11 @@ impl Compiler<'_> {
             let signals = list(message.signals.iter().map(|signal| &signal.name));
             missing(format!("in {} the signals {signals}", message.name))
         })?;
-        let unreadable = |problem, hint| CanMapError::Unreadable {
+        let unreadable = |problem: &str, hint| CanMapError::Unreadable {
             file: self.file.to_owned(),
             key: key.to_owned(),
             got: name.to_string(),
-            dbc: self.dbc_file.to_owned(),
-            problem,
+            problem: format!("{} {problem}", self.dbc_file),
             hint,
         };
         let layout = signal.layout.ok_or_else(|| {

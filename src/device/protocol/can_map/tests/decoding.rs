@@ -66,7 +66,11 @@ fn a_real_frame_of_a_toyota() {
     assert_near(omega_dps, [0.0, 0.0, number(&expect, "yaw_rate_dps")], 1e-9);
     assert_near(force, [number(&expect, "accel_x_mps2"), number(&expect, "accel_y_mps2"), G], 1e-5);
     assert!(!reading.clipped && reading.device_time.is_none());
-    let notes = CanMapDecoder::new(&ready("toyota-yaw")).notes();
+    let mut decoder = CanMapDecoder::new(&ready("toyota-yaw"));
+    let silent = "not one frame came of KINEMATICS (0x024): no sample is complete without";
+    assert_eq!(decoder.notes().last().map(String::as_str), Some(silent));
+    push(&mut decoder, &frames);
+    let notes = decoder.notes();
     assert_eq!(notes[0], "not measured and taken as 0: gyro.x, gyro.y");
     assert!(notes[1].contains("upright, +9.80665 m/s2 on z") && notes.len() == 3, "{notes:?}");
 
