@@ -49,6 +49,8 @@ use plan::{Compiler, Frame, FramePart, Plan, TooShort};
 const ALL_ID_BITS: u32 = 0x1FFF_FFFF;
 /// The part of a J1939 identifier that says who sent it.
 const SOURCE_ADDRESS: u32 = 0xFF;
+/// Good frames after which a mapped message that never came is worth a word.
+const FRAMES_TO_WAIT: u64 = 20;
 /// 2^53 µs are 285 years: beyond them a double no longer counts microseconds.
 const LAST_MICROS: f64 = 9.0e15;
 
@@ -359,7 +361,8 @@ impl PacketDecoder for CanMapDecoder {
             .filter(|(at, message)| message.required && self.seen & (1 << at) == 0)
             .map(|(_, message)| message.to_string())
             .collect();
-        if !missing.is_empty() {
+        let waited = self.seen == 0 || self.counters.packets >= FRAMES_TO_WAIT;
+        if waited && !missing.is_empty() {
             notes
                 .push(format!("not one frame came of {}: no sample is complete without", missing.join(", ")));
         }

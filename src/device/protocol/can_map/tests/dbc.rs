@@ -144,16 +144,43 @@ proptest! {
         text in prop_oneof![dbc_like(), any::<String>(), dbc_like().prop_map(|text| text.replace('0', "99999999999999999999"))],
         data in prop::collection::vec(any::<u8>(), 0..=8),
     ) {
-        match Dbc::parse("any.dbc", &text) {
-            Err(error) => prop_assert!(error.to_string().contains("\n\nhint: ")),
-            Ok(dbc) => for message in &dbc.messages {
-                for signal in &message.signals {
-                    let _any = message.value(signal, &data);
-                }
-            },
+        check_harmless(&text, &data)?;
+    }
+
+    /// Nor does a file that was damaged in a few places.
+    #[test]
+    fn no_damaged_dbc_file_does_harm(
+        map in 0..CAN_MAPS.len(),
+        damage in prop::collection::vec((any::<prop::sample::Index>(), "[ -~\n]{0,3}"), 1..4),
+        data in prop::collection::vec(any::<u8>(), 0..=8),
+    ) {
+        let mut text = CAN_MAPS[map].dbc.to_owned();
+        for (place, with) in damage {
+            let at = place.index(text.len());
+            text.replace_range(at..=at, &with);
         }
-        if let Ok(map) = CanMap::new("m", shipped_can_map("toyota-yaw").unwrap().map, "any.dbc", &text) {
-            push(&mut CanMapDecoder::new(&map), &[(36, false, data)]);
+        check_harmless(&text, &data)?;
+    }
+}
+
+/// Reads a DBC text, with and without the ready mappings, and a frame with what it says.
+fn check_harmless(text: &str, data: &[u8]) -> Result<(), TestCaseError> {
+    match Dbc::parse("any.dbc", text) {
+        Err(error) => prop_assert!(error.to_string().contains("\n\nhint: ")),
+        Ok(dbc) => {
+            for message in &dbc.messages {
+                for signal in &message.signals {
+                    let _any = message.value(signal, data);
+                }
+            }
         }
     }
+    for shipped in CAN_MAPS {
+        if let Ok(map) = CanMap::new("m", shipped.map, "any.dbc", text) {
+            let frames: Vec<_> =
+                map.messages().map(|message| (message.id, message.extended, data.to_vec())).collect();
+            push(&mut CanMapDecoder::new(&map), &frames);
+        }
+    }
+    Ok(())
 }

@@ -176,6 +176,19 @@ fn the_vector_of_the_xsens_mti_and_its_counter() {
     assert_eq!((decoder.counters().missing, decoder.counters().packets), (2, 7));
 }
 
+#[test]
+fn a_message_that_never_comes_is_named_once_others_have_come() {
+    let mut decoder = CanMapDecoder::new(&ready("xsens-mti-can"));
+    let silent =
+        "not one frame came of RateOfTurn (0x032), SampleTime (0x005): no sample is complete without";
+    for k in 0..20 {
+        assert!(k == 0 || !decoder.notes().iter().any(|note| note.starts_with("not one")), "{k}");
+        assert!(push(&mut decoder, &[(52, false, vec![0; 6])]).is_empty());
+    }
+    assert!(decoder.notes().iter().any(|note| note == silent), "{:?}", decoder.notes());
+    assert_eq!(decoder.counters().lone_halves, 20);
+}
+
 /// SBG frames with the time of sample `k`, 10 ms each; the counter of the device wraps at 2^32 µs.
 fn sbg_sample(k: u32) -> Vec<(u32, bool, Vec<u8>)> {
     let time = u32::MAX.wrapping_sub(50_000).wrapping_add(k * 10_000);
