@@ -10,6 +10,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use nalgebra::Vector3;
 use otolith::character::CharacterModel;
 use otolith::device::Traffic;
+use otolith::device::protocol::PacketDecoder;
+use otolith::device::protocol::can_map::{CAN_MAPS, CanMap, CanMapDecoder};
 use otolith::device::protocol::detect::decoder_by_name;
 use otolith::imu::LinkHealth;
 use otolith::motion::{MotionSettings, shipped_motion};
@@ -62,8 +64,38 @@ fn operations(core: &mut Core, ticks: std::ops::Range<u64>) -> (u64, bool) {
     (OPERATIONS.load(Ordering::Relaxed) - before, standing)
 }
 
+/// Pushes frames of every ready mapping of CAN signals: whole, short, out of order. Gives heap operations and samples.
+fn can_operations() -> (u64, u64) {
+    let (mut spent, mut samples) = (0, 0);
+    for shipped in CAN_MAPS {
+        let map = CanMap::new(shipped.name, shipped.map, shipped.dbc_name, shipped.dbc).unwrap();
+        let mut ids: Vec<_> =
+            map.messages().map(|message| (message.extended, message.id, message.size)).collect();
+        ids.sort_unstable();
+        let mut decoder = CanMapDecoder::new(&map);
+        let before = OPERATIONS.load(Ordering::Relaxed);
+        for k in 0..2000_usize {
+            let (extended, id, size) = ids[(k + k / 500) % ids.len()];
+            let data = [0x40, k as u8, 0x20, 0x10, 0x40, 0x01, 0, 0];
+            let data = &data[..if k % 61 == 7 { 1 } else { size }];
+            decoder.push(Traffic::CanFrame { id, extended, data }, &mut |_| samples += 1);
+        }
+        decoder.rejoin();
+        decoder.finish(&mut |_| samples += 1);
+        spent += OPERATIONS.load(Ordering::Relaxed) - before;
+    }
+    (spent, samples)
+}
+
 // One test only: the counter sees every thread of the binary.
 #[test]
+fn neither_ticks_nor_frames_touch_the_heap() {
+    ticks_do_not_touch_the_heap_in_a_spin_nor_in_a_motion_nor_in_a_fall();
+    let (spent, samples) = can_operations();
+    assert_eq!(spent, 0, "decoding CAN frames");
+    assert!(samples > 1000, "{samples} samples only");
+}
+
 fn ticks_do_not_touch_the_heap_in_a_spin_nor_in_a_motion_nor_in_a_fall() {
     let model = || CharacterModel::standing().unwrap();
     let mut core = Core::new(CoreSettings::default(), model()).unwrap();

@@ -252,7 +252,8 @@ impl Session {
         }
         let hint = match &self.selector {
             Selector::Replay { .. } => {
-                "`otolith inspect FILE` says what is in it; --protocol names a decoder, --log-map the columns of a text log"
+                "`otolith inspect FILE` says what is in it; --protocol names a decoder, --log-map the columns of a text log, --map the signals \
+                 of a CAN log"
             }
             _ => "check baud rate, wiring and protocol; `otolith devices` lists what is connected",
         };

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::trouble::{Change, Counts, Trouble, TroubleWatch};
+use crate::device::protocol::detect::OTOLITH_CAN;
 use crate::device::protocol::{DecodeCounters, ImuReading, PacketDecoder, SyncEstimate};
 use crate::device::{DeviceError, Link, LinkError, LinkStatus, Traffic, bandwidth};
 use crate::imu::{AlignmentReport, ClockMode, HeadSample, ImuCounters, ImuPipeline};
@@ -40,6 +41,8 @@ pub struct Source {
     /// Baud rate of a real serial line, to hold against the rate the device announces.
     baud: Option<u32>,
     status: LinkStatus,
+    /// Bit rate of the CAN bus, where it is known.
+    can_bitrate: Option<u32>,
     /// Rate the device announced, Hz.
     announced_hz: Option<f64>,
     /// Least bytes a sample took on the line so far.
@@ -70,6 +73,7 @@ impl Source {
             pipeline,
             baud,
             status: LinkStatus::default(),
+            can_bitrate: None,
             announced_hz: None,
             least_bytes: f64::INFINITY,
             line_checked: false,
@@ -87,6 +91,13 @@ impl Source {
     /// The troubles present now, gravest first.
     pub fn troubles(&self) -> impl Iterator<Item = Trouble> {
         self.troubles.present()
+    }
+
+    /// The same on a CAN bus of this bit rate: the rate that our own device announces is held against it.
+    #[must_use]
+    pub fn on_can_bus(mut self, bitrate: u32) -> Self {
+        self.can_bitrate = Some(bitrate);
+        self
     }
 
     /// Waits at most `timeout` for traffic and passes on what it means.
@@ -180,6 +191,9 @@ impl Source {
             self.pipeline.announce_rate(rate_hz);
             sink.event(self.last_at, &format!("device announces {rate_hz} samples/s"));
         }
+        if let Some(bitrate) = self.can_bitrate.filter(|_| self.decoder.protocol() == OTOLITH_CAN) {
+            bandwidth::check_can(bitrate, &bandwidth::native_can_streams(rate_hz))?;
+        }
         let (Some(baud), Some(bytes)) = (self.baud, self.decoder.wire_bytes_per_sample()) else {
             return Ok(());
         };
@@ -246,10 +260,12 @@ pub struct SourceFacts {
 #[cfg(test)]
 mod tests {
     use otolith_firmware_protocol::MAX_FRAME;
+    use otolith_firmware_protocol::can::{CanMessage, Ids, Ranges};
     use otolith_firmware_protocol::message::{Batch16, Hello, Message};
     use otolith_firmware_protocol::stream::StreamEncoder;
 
     use super::*;
+    use crate::device::protocol::native_can::NativeCanDecoder;
     use crate::device::protocol::native_serial::NativeSerialDecoder;
     use crate::imu::{Calibration, ImuSettings, Mount};
 
@@ -315,6 +331,31 @@ mod tests {
     fn short_batches_among_long_ones_are_no_reason_to_stop() {
         let error = poll_all(&mut batches(&[1, 5, 5, 5, 5, 5, 1, 1, 1], 230_400));
         assert!(matches!(error, DeviceError::File { .. }), "the end of the file, not the line: {error}");
+    }
+
+    /// A frame of a CAN bus again and again.
+    struct Bus(u32, [u8; 8]);
+
+    impl Link for Bus {
+        fn receive(&mut self, _timeout: Duration) -> Result<Option<(HostTime, Traffic<'_>)>, LinkError> {
+            Ok(Some((HostTime(0), Traffic::CanFrame { id: self.0, extended: false, data: &self.1 })))
+        }
+    }
+
+    #[test]
+    fn a_bus_too_slow_for_the_announced_rate_is_refused() {
+        let ranges = Ranges { gyro_range_dps: 500, accel_range_g: 4, rate_hz: 1000 };
+        let (id, data) = Ids::default().frame(&CanMessage::Ranges(ranges));
+        let poll = |bitrate| {
+            let pipeline =
+                ImuPipeline::new(&ImuSettings::default(), Calibration::default(), Mount::default(), 9.81);
+            let link = Box::new(Bus(id.into(), data));
+            let source = Source::new(link, Box::new(NativeCanDecoder::new(None)), pipeline, None);
+            source.on_can_bus(bitrate).poll(Duration::ZERO, &mut Nowhere)
+        };
+        assert!(poll(500_000).is_ok());
+        let error = poll(250_000).unwrap_err();
+        assert!(matches!(error, DeviceError::CanTooSlow { bitrate: 250_000, .. }), "{error}");
     }
 
     #[test]

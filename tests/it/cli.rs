@@ -1,5 +1,6 @@
 //! The program as a user meets it: arguments in; exit code, stdout, stderr and files out.
 
+mod can_map;
 mod demo;
 mod inspect;
 mod inspect_logs;

@@ -36,7 +36,9 @@ fn run(packets: &Packets, options: &[&str]) -> Value {
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
     let run = summary(&output);
     println!("{} {} {} {}", run["samples"], run["link"], run["device"], run["timing"]);
-    for path in ["/link/bad_checksum", "/link/missing", "/link/dropped", "/device/lone_halves", "/device/losses"] {
+    for path in
+        ["/link/bad_checksum", "/link/missing", "/link/dropped", "/device/lone_halves", "/device/losses"]
+    {
         assert_eq!(number(&run, path), 0.0, "{path}: {run}");
     }
     run

@@ -1,6 +1,7 @@
 //! Which protocol a device speaks: by name, or by who understands it.
 
 use super::bno08x_rvc::Bno08xRvcDecoder;
+use super::can_map::can_map_names;
 use super::native_can::NativeCanDecoder;
 use super::native_serial::NativeSerialDecoder;
 use super::openimu::OpenImuDecoder;
@@ -23,6 +24,8 @@ pub const WITMOTION: &str = "witmotion";
 pub const WITMOTION_CAN: &str = "witmotion-can";
 /// Lines of text, described by a mapping file.
 pub const TEXT: &str = "text";
+/// CAN frames, described by a DBC file and a mapping.
+pub const CAN_MAP: &str = "can-map";
 
 /// What kind of traffic carries a protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,6 +89,7 @@ pub const PROTOCOLS: &[Protocol] = &[
         make: Some(|| Box::new(WitMotionCanDecoder::new(None))),
     },
     Protocol { name: TEXT, bus: Bus::Serial, certain_after: None, make: None },
+    Protocol { name: CAN_MAP, bus: Bus::Can, certain_after: None, make: None },
 ];
 
 /// Share of all bytes that a protocol must understand to count as found: a checksum that is right by chance now and
@@ -100,12 +104,13 @@ pub fn protocol_names() -> String {
 /// The decoder of the protocol called `name`.
 ///
 /// # Errors
-/// [`DeviceError::UnknownProtocol`] with the names there are; [`DeviceError::NeedsMapping`] for text, whose decoder
-/// is made from a mapping.
+/// [`DeviceError::UnknownProtocol`] with the names there are; [`DeviceError::NeedsMapping`] and
+/// [`DeviceError::NeedsCanMap`] for those whose decoder is made from a mapping.
 pub fn decoder_by_name(name: &str) -> Result<Box<dyn PacketDecoder>, DeviceError> {
     match PROTOCOLS.iter().find(|protocol| protocol.name == name) {
         Some(Protocol { make: Some(make), .. }) => Ok(make()),
-        Some(_) => Err(DeviceError::NeedsMapping),
+        Some(Protocol { bus: Bus::Serial, .. }) => Err(DeviceError::NeedsMapping),
+        Some(Protocol { bus: Bus::Can, .. }) => Err(DeviceError::NeedsCanMap { ready: can_map_names() }),
         None => Err(DeviceError::UnknownProtocol { got: name.to_owned(), known: protocol_names() }),
     }
 }
@@ -278,6 +283,8 @@ mod tests {
         let text = decoder_by_name("morse").err().expect("unknown").to_string();
         assert!(text.contains("protocol `morse` is not known") && text.contains(&protocol_names()));
         assert!(decoder_by_name(TEXT).err().expect("needs a mapping").to_string().contains("--log-map"));
+        let text = decoder_by_name(CAN_MAP).err().expect("needs a mapping").to_string();
+        assert!(text.contains("--map NAME") && text.contains("toyota-yaw"), "{text}");
     }
 
     #[test]

@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use super::Traffic;
 
 pub mod bno08x_rvc;
+pub mod can_map;
 mod crc16;
 mod dead_band;
 pub mod detect;
@@ -14,6 +15,7 @@ pub mod native_can;
 pub mod native_serial;
 pub mod openimu;
 mod period;
+mod quantity;
 mod sequence;
 mod sync;
 pub mod text;
