@@ -2,6 +2,8 @@
 //!
 //! One file per protocol turns a [`Request`] into a [`Plan`] of bytes to write and answers to wait for; it is pure.
 
+pub mod vectornav;
+
 /// What the user asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Request {

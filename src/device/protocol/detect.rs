@@ -1,7 +1,9 @@
 //! Which protocol a device speaks: by name, or by who understands it.
 
+use super::mavlink::MavlinkDecoder;
 use super::native_can::NativeCanDecoder;
 use super::native_serial::NativeSerialDecoder;
+use super::vectornav::VectorNavDecoder;
 use super::{DecodeCounters, DeviceInfo, ImuReading, PacketDecoder, SyncEstimate};
 use crate::device::{DeviceError, Selector, Traffic};
 
@@ -9,6 +11,10 @@ use crate::device::{DeviceError, Selector, Traffic};
 pub const OTOLITH_SERIAL: &str = "otolith-serial";
 /// Our protocol on classic CAN.
 pub const OTOLITH_CAN: &str = "otolith-can";
+/// VectorNav's binary frames and ASCII sentences.
+pub const VECTORNAV: &str = "vectornav";
+/// MAVLink 2 and 1.
+pub const MAVLINK: &str = "mavlink";
 /// Lines of text, described by a mapping file.
 pub const TEXT: &str = "text";
 
@@ -48,6 +54,19 @@ pub const PROTOCOLS: &[Protocol] = &[
         bus: Bus::Can,
         certain_after: Some(3),
         make: Some(|| Box::new(NativeCanDecoder::new(None))),
+    },
+    Protocol {
+        name: VECTORNAV,
+        bus: Bus::Serial,
+        // An XOR of 8 bits alone would be weak, but a sentence has 32 more that must be right.
+        certain_after: Some(3),
+        make: Some(|| Box::new(VectorNavDecoder::new())),
+    },
+    Protocol {
+        name: MAVLINK,
+        bus: Bus::Serial,
+        certain_after: Some(3),
+        make: Some(|| Box::new(MavlinkDecoder::new())),
     },
     Protocol { name: TEXT, bus: Bus::Serial, certain_after: None, make: None },
 ];

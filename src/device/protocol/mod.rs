@@ -4,14 +4,20 @@ use nalgebra::Vector3;
 
 use super::Traffic;
 
+mod crc;
 pub mod detect;
 mod drops;
+mod followed;
 mod frames;
+pub mod mavlink;
 pub mod native_can;
 pub mod native_serial;
 mod period;
 mod sync;
 pub mod text;
+#[cfg(test)]
+mod trials;
+pub mod vectornav;
 
 use drops::DropCount;
 pub use sync::SyncEstimate;
