@@ -134,11 +134,11 @@ mod tests {
 
     #[test]
     fn the_length_follows_from_any_mask_of_known_fields() {
-        for group in 0..GROUPS {
-            for bit in 0..16 {
+        for (group, sizes) in SIZES.iter().enumerate() {
+            for (bit, &size) in sizes.iter().enumerate() {
                 let mask = (1u16 << bit).to_le_bytes();
                 let head = Layout::read(&[SYNC, 1 << group, mask[0], mask[1]]);
-                match SIZES[group][bit] {
+                match size {
                     0 => assert_eq!(head, Head::UnknownSize),
                     size => {
                         let Head::Complete(layout) = head else { panic!("{head:?}") };
