@@ -1,4 +1,5 @@
-//! No heap operation in a tick, nor in a decoder: a counting allocator watches.
+//! No heap operation in a tick nor in a decoder: a counting allocator watches the core through a spin, and decoders of
+//! devices through whole, damaged and foreign bytes.
 
 // An allocator is unsafe by its signature; this one only counts and hands on to the system's. It needs a test binary of
 // its own, since a program has one allocator.
@@ -13,6 +14,8 @@ use otolith::device::Traffic;
 use otolith::device::protocol::PacketDecoder;
 use otolith::device::protocol::can_map::{CAN_MAPS, CanMap, CanMapDecoder};
 use otolith::device::protocol::detect::decoder_by_name;
+use otolith::device::protocol::mavlink::MavlinkDecoder;
+use otolith::device::protocol::vectornav::VectorNavDecoder;
 use otolith::imu::LinkHealth;
 use otolith::motion::{MotionSettings, shipped_motion};
 use otolith::runtime::{Core, CoreSettings, Push};
@@ -87,6 +90,45 @@ fn can_operations() -> (u64, u64) {
     (spent, samples)
 }
 
+/// All golden frames or lines of a device, one after another.
+fn golden(text: &str) -> Vec<u8> {
+    let golden: serde_json::Value = serde_json::from_str(text).unwrap();
+    let rows = golden["frames"].as_array().or(golden["lines"].as_array()).unwrap();
+    rows.iter().flat_map(bytes_of).collect()
+}
+
+fn bytes_of(row: &serde_json::Value) -> Vec<u8> {
+    let Some(digits) = row["hex"].as_str() else { return row["text"].as_str().unwrap().into() };
+    (0..digits.len() / 2).map(|i| u8::from_str_radix(&digits[2 * i..2 * i + 2], 16).unwrap()).collect()
+}
+
+/// Heap operations of `decoder` in all of `bytes`, three times over: whole, damaged and cut; and its samples.
+fn decoding_operations(decoder: &mut dyn PacketDecoder, bytes: &[u8]) -> (u64, u64) {
+    let mut damaged = bytes.to_vec();
+    damaged.iter_mut().step_by(37).for_each(|byte| *byte ^= 0x20);
+    let mut samples = 0;
+    let before = OPERATIONS.load(Ordering::Relaxed);
+    for (stream, piece) in [(bytes, 4096), (&damaged[..], 64), (bytes, 7)] {
+        for piece in stream.chunks(piece) {
+            decoder.push(Traffic::Bytes(piece), &mut |_| samples += 1);
+        }
+    }
+    decoder.finish(&mut |_| samples += 1);
+    (OPERATIONS.load(Ordering::Relaxed) - before, samples)
+}
+
+fn golden_streams_do_not_touch_the_heap() {
+    let vectornav = [
+        golden(include_str!("golden/devices/vectornav-lines.json")),
+        golden(include_str!("golden/devices/vectornav-frames.json")),
+    ];
+    let mavlink = golden(include_str!("golden/devices/mavlink-frames.json"));
+    let (operations, samples) = decoding_operations(&mut VectorNavDecoder::new(), &vectornav.concat());
+    assert!((operations, samples > 0) == (0, true), "vectornav: {operations} in {samples} samples");
+    let (operations, samples) = decoding_operations(&mut MavlinkDecoder::new(), &mavlink);
+    assert!((operations, samples > 0) == (0, true), "mavlink: {operations} in {samples} samples");
+}
+
 // One test only: the counter sees every thread of the binary.
 #[test]
 fn neither_ticks_nor_frames_touch_the_heap() {
@@ -94,6 +136,8 @@ fn neither_ticks_nor_frames_touch_the_heap() {
     let (spent, samples) = can_operations();
     assert_eq!(spent, 0, "decoding CAN frames");
     assert!(samples > 1000, "{samples} samples only");
+    packets_do_not_touch_the_heap();
+    golden_streams_do_not_touch_the_heap();
 }
 
 fn ticks_do_not_touch_the_heap_in_a_spin_nor_in_a_motion_nor_in_a_fall() {
@@ -118,8 +162,6 @@ fn ticks_do_not_touch_the_heap_in_a_spin_nor_in_a_motion_nor_in_a_fall() {
     operations(&mut core, 0..100);
     assert_eq!(operations(&mut core, 100..2500), (0, false), "falling");
     assert_eq!(operations(&mut core, 2500..5000).0, 0, "lying and standing up again");
-
-    decoders_do_not_touch_the_heap();
 }
 
 /// A packet or two of each foreign serial protocol: the vectors of `tests/golden/devices`.
@@ -133,7 +175,7 @@ const PACKETS: [(&str, &str); 4] = [
     ("bno08x-rvc", "aaaade010092ff25088dfeecffd103000000e7"),
 ];
 
-fn decoders_do_not_touch_the_heap() {
+fn packets_do_not_touch_the_heap() {
     for (name, packet) in PACKETS {
         let hex = |at: usize| u8::from_str_radix(&packet[at..at + 2], 16).unwrap();
         let packet: Vec<u8> = (0..packet.len()).step_by(2).map(hex).collect();

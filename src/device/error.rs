@@ -77,7 +77,7 @@ pub enum DeviceError {
         hint: &'static str,
     },
     /// A recording that cannot be read.
-    #[error("{}: cannot read it: {source}\n\nhint: check the path; `replay:FILE` takes a text log, a candump log or raw bytes", path.display())]
+    #[error("{}: cannot read it: {source}\n\nhint: check the path; `replay:FILE` takes a text log, a candump log, a telemetry log (tlog) or raw bytes", path.display())]
     File {
         /// The file.
         path: PathBuf,

@@ -19,7 +19,7 @@ const BAUD_RANGE: std::ops::RangeInclusive<u32> = 300..=12_000_000;
 /// |---|---|
 /// | `serial:PORT?baud=921600` | a serial port, 8N1 |
 /// | `can:IFACE?node=N` | a SocketCAN interface; without `node` the first node that describes itself |
-/// | `replay:FILE?kind=text\|candump\|raw&baud=N` | a recording; the kind is found from the content if not given |
+/// | `replay:FILE?kind=text\|candump\|raw\|tlog&baud=N` | a recording; the kind is found from the content if not given |
 /// | `mock:chair?rate_rpm=30&spin_s=15...`, `mock:rest?rest_s=10...` | no hardware, keys of [`MockParams`] |
 #[derive(Clone, Debug, PartialEq)]
 pub enum Selector {
@@ -157,8 +157,9 @@ fn replay(target: &str, options: &Options<'_>) -> Result<Selector, DeviceError> 
         Some("text") => Some(FileKind::Text),
         Some("candump") => Some(FileKind::Candump),
         Some("raw") => Some(FileKind::Raw),
+        Some("tlog") => Some(FileKind::Tlog),
         Some(other) => {
-            let hint = "known kinds: text, candump, raw".to_owned();
+            let hint = "known kinds: text, candump, raw, tlog".to_owned();
             return Err(problem(options.selector, &format!("unknown kind `{other}`"), hint));
         }
     };
@@ -238,7 +239,7 @@ mod tests {
             ("serial:/dev/ttyUSB0?baud=9600&baud=1200", "given twice"),
             ("serial:/dev/ttyUSB0?9600", "has no value"),
             ("can:can0?node=70", "from 0 to 69"),
-            ("replay:a.bin?kind=pcap", "known kinds: text, candump, raw"),
+            ("replay:a.bin?kind=pcap", "known kinds: text, candump, raw, tlog"),
             ("mock:table", "known mocks"),
             ("mock:chair?rpm=3", "rate_rpm"),
             ("mock:chair?spin_s=-1", "spin_s"),

@@ -5,6 +5,7 @@
 mod apply;
 mod native;
 mod request;
+pub mod vectornav;
 pub mod witmotion;
 
 pub use apply::{Line, apply};
@@ -81,8 +82,11 @@ impl Plan {
 type Planner = fn(&Request) -> Result<Plan, ConfigureError>;
 
 /// The protocols with commands.
-const PLANNERS: [(&str, Planner); 2] =
-    [(detect::OTOLITH_SERIAL, native::plan), (detect::WITMOTION, witmotion::plan)];
+const PLANNERS: [(&str, Planner); 3] = [
+    (detect::OTOLITH_SERIAL, native::plan),
+    (detect::VECTORNAV, vectornav::plan),
+    (detect::WITMOTION, witmotion::plan),
+];
 
 /// Whether otolith has commands for a protocol.
 pub fn is_configurable(protocol: &str) -> bool {

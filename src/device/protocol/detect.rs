@@ -2,9 +2,11 @@
 
 use super::bno08x_rvc::Bno08xRvcDecoder;
 use super::can_map::can_map_names;
+use super::mavlink::MavlinkDecoder;
 use super::native_can::NativeCanDecoder;
 use super::native_serial::NativeSerialDecoder;
 use super::openimu::OpenImuDecoder;
+use super::vectornav::VectorNavDecoder;
 use super::witmotion::can::WitMotionCanDecoder;
 use super::witmotion::serial::WitMotionDecoder;
 use super::{DecodeCounters, DeviceInfo, ImuReading, PacketDecoder, SyncEstimate};
@@ -22,6 +24,10 @@ pub const BNO08X_RVC: &str = "bno08x-rvc";
 pub const WITMOTION: &str = "witmotion";
 /// WitMotion on CAN.
 pub const WITMOTION_CAN: &str = "witmotion-can";
+/// VectorNav's binary frames and ASCII sentences.
+pub const VECTORNAV: &str = "vectornav";
+/// MAVLink 2 and 1.
+pub const MAVLINK: &str = "mavlink";
 /// Lines of text, described by a mapping file.
 pub const TEXT: &str = "text";
 /// CAN frames, described by a DBC file and a mapping.
@@ -63,6 +69,19 @@ pub const PROTOCOLS: &[Protocol] = &[
         bus: Bus::Can,
         certain_after: Some(3),
         make: Some(|| Box::new(NativeCanDecoder::new(None))),
+    },
+    Protocol {
+        name: VECTORNAV,
+        bus: Bus::Serial,
+        // An XOR of 8 bits alone would be weak, but a sentence has 32 more that must be right.
+        certain_after: Some(3),
+        make: Some(|| Box::new(VectorNavDecoder::new())),
+    },
+    Protocol {
+        name: MAVLINK,
+        bus: Bus::Serial,
+        certain_after: Some(3),
+        make: Some(|| Box::new(MavlinkDecoder::new())),
     },
     Protocol {
         name: OPENIMU,

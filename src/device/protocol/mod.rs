@@ -6,11 +6,13 @@ use super::Traffic;
 
 pub mod bno08x_rvc;
 pub mod can_map;
-mod crc16;
+mod crc;
 mod dead_band;
 pub mod detect;
 mod drops;
+mod followed;
 mod frames;
+pub mod mavlink;
 pub mod native_can;
 pub mod native_serial;
 pub mod openimu;
@@ -19,6 +21,9 @@ mod quantity;
 mod sequence;
 mod sync;
 pub mod text;
+#[cfg(test)]
+mod trials;
+pub mod vectornav;
 pub mod witmotion;
 
 use drops::DropCount;

@@ -34,7 +34,7 @@ mod clock;
 
 use nalgebra::Vector3;
 
-use super::crc16::crc16_1021;
+use super::crc;
 use super::frames::{FrameScanner, Look};
 use super::native_serial::{at_end_of_range, scaled};
 use super::{DecodeCounters, DeviceInfo, ImuReading, PacketDecoder, detect};
@@ -47,7 +47,6 @@ const SYNC: u8 = 0x55;
 const HEAD: usize = 5;
 /// Bytes of the longest packet.
 const LONGEST: usize = HEAD + 255 + 2;
-const CRC_START: u16 = 0x1D0F;
 const Z1: [u8; 2] = *b"z1";
 const Z1_BYTES: u8 = 40;
 const S1: [u8; 2] = *b"S1";
@@ -106,7 +105,9 @@ fn look(bytes: &[u8]) -> Look {
             match bytes.get(2..end + 2) {
                 None => Look::Incomplete,
                 // Over its own value as well, the check gives zero.
-                Some(checked) if crc16_1021(CRC_START, checked) == 0 => Look::Frame(end + 2),
+                Some(checked) if crc::highest_bit_first(crc::SPI_FUJITSU_START, checked) == 0 => {
+                    Look::Frame(end + 2)
+                }
                 Some(_) => Look::Damaged,
             }
         }

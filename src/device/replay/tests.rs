@@ -5,7 +5,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::device::Traffic;
-use crate::device::testing::drain;
+use crate::device::testing::{drain, from_hex};
 
 fn file(suffix: &str, content: &[u8]) -> tempfile::NamedTempFile {
     let mut file = tempfile::Builder::new().suffix(suffix).tempfile().expect("a temporary file");
@@ -112,6 +112,65 @@ fn a_candump_log_is_played_frame_by_frame() {
     assert_eq!((status.bytes_skipped, status.bus_errors), (bad.len() as u64, 1));
 }
 
+/// Frames of pymavlink as a ground station logs them: RAW_IMU and HIGHRES_IMU in turn, 10 ms apart.
+fn tlog() -> Vec<(u64, Vec<u8>)> {
+    let golden =
+        include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden/devices/mavlink-frames.json"));
+    let golden: serde_json::Value = serde_json::from_str(golden).expect("the golden file is JSON");
+    let frame = |row: usize| from_hex(golden["frames"][row]["hex"].as_str().expect("digits"));
+    (0..20).map(|k| (1_683_220_541_055_000 + 10_000 * k, frame(6 * (k as usize % 2)))).collect()
+}
+
+fn logged(frames: &[(u64, Vec<u8>)]) -> Vec<u8> {
+    frames.iter().flat_map(|(stamp, frame)| [&stamp.to_be_bytes()[..], frame].concat()).collect()
+}
+
+#[test]
+fn a_telemetry_log_is_played_frame_by_frame_with_its_own_times() {
+    let frames = tlog();
+    for end in [logged(&frames).len(), 200] {
+        let log = file(".log", &logged(&frames)[..end]);
+        assert_eq!(detect(log.path()).expect("readable"), FileKind::Tlog);
+        let mut link = open(log.path(), None, 0, None).expect("opens");
+        let pieces = drain(link.as_mut());
+        let whole = if end == 200 { 3 } else { 20 };
+        for (k, ((at, piece), (_, frame))) in pieces.iter().zip(&frames).take(whole).enumerate() {
+            assert_eq!((at.0, piece), (10_000_000 * k as u64, frame));
+        }
+        // The last frame is cut, its stamp is whole.
+        let rest = logged(&frames)[..end].len() - logged(&frames[..whole]).len();
+        assert_eq!(
+            pieces[whole..].iter().map(|(_, piece)| piece.len()).sum::<usize>(),
+            rest.saturating_sub(8)
+        );
+    }
+}
+
+#[test]
+fn damage_in_a_telemetry_log_costs_the_damaged_frame_alone() {
+    let frames = tlog();
+    let mut hurt = frames.clone();
+    // A wrong length, a wrong checksum, a stamp of another century; and a byte too many in front.
+    hurt[3].1[1] ^= 0x10;
+    hurt[7].1[20] ^= 0x01;
+    hurt[12].0 ^= 1 << 50;
+    let log = file(".bin", &[b"x", &logged(&hurt)[..]].concat());
+    let mut link = open(log.path(), None, 0, None).expect("opens");
+    let pieces = drain(link.as_mut());
+    let times: Vec<u64> = pieces.iter().map(|(at, _)| at.0 / 10_000_000).collect();
+    // The junk in front and the two damaged frames are pieces of their own; two steps take no time for the bad stamp.
+    assert_eq!(times, [0, 0, 1, 2, 2, 4, 5, 6, 6, 8, 9, 10, 11, 11, 11, 12, 13, 14, 15, 16, 17]);
+    let expected: Vec<Vec<u8>> = hurt.into_iter().map(|(_, frame)| frame).collect();
+    let got: Vec<Vec<u8>> = pieces[1..].iter().map(|(_, piece)| piece.clone()).collect();
+    assert_eq!(got, expected);
+}
+
+#[test]
+fn frames_without_stamps_are_a_raw_capture() {
+    let frames: Vec<u8> = tlog().into_iter().flat_map(|(_, frame)| frame).collect();
+    assert_eq!(detect(file(".tlog", &frames).path()).expect("readable"), FileKind::Raw);
+}
+
 #[test]
 fn lines_that_are_no_frames_are_refused() {
     for line in [
@@ -160,6 +219,20 @@ proptest! {
     #[test]
     fn any_line_is_read_or_refused(line: Vec<u8>) {
         let _ = parse_candump_line(&line);
+    }
+
+    #[test]
+    fn every_byte_of_a_damaged_telemetry_log_is_given_out_but_stamps(
+        flips in proptest::collection::vec((any::<proptest::sample::Index>(), any::<u8>()), 0..20), cut in 0usize..2000,
+    ) {
+        let mut bytes = logged(&tlog());
+        flips.iter().for_each(|(at, flip)| *at.get_mut(&mut bytes[..]) ^= flip);
+        bytes.truncate(bytes.len().saturating_sub(cut));
+        let mut link = TlogReplay::new("log".to_owned(), &bytes[..]);
+        let pieces = drain(&mut link);
+        let given: usize = pieces.iter().map(|(_, piece)| piece.len()).sum();
+        prop_assert!(given <= bytes.len() && bytes.len() <= given + 8 * pieces.len());
+        prop_assert!(pieces.is_sorted_by_key(|(at, _)| *at));
     }
 
     #[test]
