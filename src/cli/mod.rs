@@ -67,7 +67,7 @@ pub fn main() -> ExitCode {
             show::result(&summary, json)?;
             Ok(ExitCode::SUCCESS)
         }),
-        Command::Devices(_) => devices::run(json),
+        Command::Devices(args) => devices::run(args, json),
         Command::Inspect(args) => inspect::run(args, json),
     };
     result.unwrap_or_else(|failure| {

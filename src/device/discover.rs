@@ -3,6 +3,8 @@
 use serde::Serialize;
 use serialport::SerialPortType;
 
+use super::Selector;
+
 /// Identity of a USB device.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct UsbIdentity {
@@ -87,6 +89,21 @@ pub fn discover() -> Vec<DiscoveredPort> {
     ports.extend(can_interfaces());
     ports.sort_by(|a, b| a.selector.cmp(&b.selector));
     ports
+}
+
+/// What is known of the port `selector` names, which need not be in the list: a link to a port, a pseudo-terminal.
+pub fn describe(selector: &Selector) -> DiscoveredPort {
+    let (name, kind, access) = match selector {
+        Selector::Serial { port, .. } => {
+            (format!("serial:{port}"), PortKind::Serial { usb: None }, access(port))
+        }
+        Selector::Can { interface, .. } => {
+            (format!("can:{interface}"), PortKind::Can { up: false }, Access::Granted)
+        }
+        other => (other.to_string(), PortKind::Serial { usb: None }, Access::Unknown),
+    };
+    let listed = discover().into_iter().find(|port| port.selector == name);
+    listed.unwrap_or(DiscoveredPort { selector: name, kind, access })
 }
 
 #[cfg(not(target_os = "linux"))]

@@ -20,6 +20,7 @@ pub mod fault;
 pub mod mock;
 mod noise;
 pub mod pacer;
+pub mod probe;
 pub mod protocol;
 pub mod reconnect;
 pub mod recorder;

@@ -4,8 +4,9 @@ use std::io::{self, Read, Write};
 use std::sync::Arc;
 use std::time::Duration;
 
-use serialport::{DataBits, ErrorKind, FlowControl, Parity, SerialPort, StopBits};
+use serialport::{ClearBuffer, DataBits, ErrorKind, FlowControl, Parity, SerialPort, StopBits};
 
+use super::probe::Tunable;
 use super::{DeviceError, Link, LinkError, LinkStatus, Traffic};
 use crate::time::{Clock, HostTime};
 
@@ -21,6 +22,7 @@ const WRITE_TIMEOUT: Duration = Duration::from_millis(20);
 pub struct SerialLink {
     name: String,
     port: Box<dyn SerialPort>,
+    baud: u32,
     clock: Arc<dyn Clock>,
     buffer: Box<[u8; BUFFER_BYTES]>,
     unsent: u64,
@@ -46,7 +48,8 @@ impl SerialLink {
             .timeout(Duration::ZERO)
             .open()
             .map_err(|error| open_error(name, &error))?;
-        Ok(Self { name: name.to_owned(), port, clock, buffer: Box::new([0; BUFFER_BYTES]), unsent: 0 })
+        let buffer = Box::new([0; BUFFER_BYTES]);
+        Ok(Self { name: name.to_owned(), port, baud, clock, buffer, unsent: 0 })
     }
 
     fn lost(&self, source: io::Error) -> LinkError {
@@ -106,6 +109,25 @@ impl Link for SerialLink {
     fn status(&self) -> LinkStatus {
         LinkStatus { unsent: self.unsent, ..LinkStatus::default() }
     }
+}
+
+impl Tunable for SerialLink {
+    fn set_baud(&mut self, baud: u32) -> bool {
+        if baud != self.baud {
+            if self.port.set_baud_rate(baud).is_err() {
+                return false;
+            }
+            self.baud = baud;
+            // What stays in the buffer is only misread once more.
+            let _kept = self.port.clear(ClearBuffer::Input);
+        }
+        true
+    }
+}
+
+/// True when `port` is the name of a pseudo-terminal, which has no speed.
+pub fn is_pseudo_terminal(port: &str) -> bool {
+    std::fs::canonicalize(port).is_ok_and(|path| path.starts_with("/dev/pts"))
 }
 
 fn open_error(name: &str, error: &serialport::Error) -> DeviceError {
