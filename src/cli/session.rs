@@ -282,6 +282,7 @@ fn device_facts(facts: &SourceFacts, outcome: &RunOutcome) -> serde_json::Value 
         "sync_round_trip_us": facts.sync.map(|sync| sync.round_trip_us),
         "losses": facts.link.losses,
         "reconnects": facts.link.reconnects,
+        "low_latency": facts.link.low_latency,
         "late_ticks": outcome.late_ticks,
         "stale_episodes": outcome.resample.stale_episodes,
         "lost_episodes": outcome.resample.lost_episodes,

@@ -4,6 +4,7 @@ use serde::Serialize;
 use serialport::SerialPortType;
 
 use super::Selector;
+use super::find::{PortFinder, usb_at};
 
 /// Identity of a USB device.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -93,17 +94,33 @@ pub fn discover() -> Vec<DiscoveredPort> {
 
 /// What is known of the port `selector` names, which need not be in the list: a link to a port, a pseudo-terminal.
 pub fn describe(selector: &Selector) -> DiscoveredPort {
-    let (name, kind, access) = match selector {
+    let ports = discover();
+    match selector {
         Selector::Serial { port, .. } => {
-            (format!("serial:{port}"), PortKind::Serial { usb: None }, access(port))
+            let node = node_of(port);
+            DiscoveredPort {
+                selector: format!("serial:{port}"),
+                kind: PortKind::Serial { usb: usb_at(&ports, &node).cloned() },
+                access: access(&node),
+            }
         }
         Selector::Can { interface, .. } => {
-            (format!("can:{interface}"), PortKind::Can { up: false }, Access::Granted)
+            let selector = format!("can:{interface}");
+            let listed = ports.into_iter().find(|port| port.selector == selector);
+            let down = PortKind::Can { up: false };
+            listed.unwrap_or(DiscoveredPort { selector, kind: down, access: Access::Granted })
         }
-        other => (other.to_string(), PortKind::Serial { usb: None }, Access::Unknown),
-    };
-    let listed = discover().into_iter().find(|port| port.selector == name);
-    listed.unwrap_or(DiscoveredPort { selector: name, kind, access })
+        other => DiscoveredPort {
+            selector: other.to_string(),
+            kind: PortKind::Serial { usb: None },
+            access: Access::Unknown,
+        },
+    }
+}
+
+/// The node that `port` of a `serial:` selector stands for: `port` itself unless it is a serial number.
+pub fn node_of(port: &str) -> String {
+    PortFinder::new(port, discover).open(|node| Ok(node.to_owned())).unwrap_or_else(|_| port.to_owned())
 }
 
 #[cfg(not(target_os = "linux"))]

@@ -221,6 +221,10 @@ impl<L: Link> Link for FaultInjector<L> {
             ..inner
         }
     }
+
+    fn port(&self) -> Option<&str> {
+        self.link.port()
+    }
 }
 
 #[cfg(test)]

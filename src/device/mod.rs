@@ -2,7 +2,7 @@
 //!
 //! A [`Link`] delivers [`Traffic`] with its arrival time; a [`protocol::PacketDecoder`] turns it into
 //! [`protocol::ImuReading`]s. Live port, recording and mock differ only in the `Link`; reconnecting, recording, pacing
-//! and injecting faults are middleware over any of them, and every middleware forwards `send` and `status`.
+//! and injecting faults are middleware over any of them, and every middleware forwards `send`, `status` and `port`.
 
 use std::io;
 use std::sync::Arc;
@@ -17,6 +17,8 @@ pub mod configure;
 pub mod discover;
 mod error;
 pub mod fault;
+mod find;
+mod low_latency;
 pub mod mock;
 mod noise;
 pub mod pacer;
@@ -87,6 +89,8 @@ pub struct LinkStatus {
     pub bus_off: u64,
     /// Writes that were given up because the device or bus did not take them in time.
     pub unsent: u64,
+    /// The driver of the serial port hands bytes on at once; false where it has no such flag.
+    pub low_latency: bool,
 }
 
 /// A source of raw traffic.
@@ -111,6 +115,12 @@ pub trait Link: Send {
     fn status(&self) -> LinkStatus {
         LinkStatus::default()
     }
+
+    /// Name of the port that is open, or was last; it changes when the device turns up elsewhere after a loss. `None`
+    /// for what is no port.
+    fn port(&self) -> Option<&str> {
+        None
+    }
 }
 
 impl<L: Link + ?Sized> Link for Box<L> {
@@ -124,6 +134,10 @@ impl<L: Link + ?Sized> Link for Box<L> {
 
     fn status(&self) -> LinkStatus {
         (**self).status()
+    }
+
+    fn port(&self) -> Option<&str> {
+        (**self).port()
     }
 }
 
@@ -143,9 +157,10 @@ pub fn open(
 ) -> Result<Box<dyn Link>, DeviceError> {
     match selector {
         Selector::Serial { port, baud } => {
-            let (port, baud, clock) = (port.clone(), *baud, Arc::clone(clock));
-            let reopen_clock = Arc::clone(&clock);
-            let opener = move || serial::SerialLink::open(&port, baud, Arc::clone(&reopen_clock));
+            let (mut finder, baud) = (find::PortFinder::new(port, discover::discover), *baud);
+            let (clock, reopen_clock) = (Arc::clone(clock), Arc::clone(clock));
+            let opener =
+                move || finder.open(|node| serial::SerialLink::open(node, baud, Arc::clone(&reopen_clock)));
             Ok(Box::new(reconnect::Reconnecting::open(opener, clock)?))
         }
         Selector::Can { interface, .. } => {

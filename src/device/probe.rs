@@ -4,6 +4,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::can::CanLink;
+use super::discover::discover;
+use super::find::PortFinder;
 use super::protocol::detect::Bus;
 use super::selector::DEFAULT_BAUD;
 use super::serial::{SerialLink, is_pseudo_terminal};
@@ -44,7 +46,8 @@ pub fn probe(selector: &Selector, clock: &Arc<dyn Clock>, length: Duration) -> R
     match selector {
         Selector::Serial { port, baud } => {
             let bauds = bauds_from(*baud);
-            let mut line = SerialLink::open(port, bauds[0], Arc::clone(clock))?;
+            let open = |node: &str| SerialLink::open(node, bauds[0], Arc::clone(clock));
+            let mut line = PortFinder::new(port, discover).open(open)?;
             let mut heard = scan(&mut line, clock.as_ref(), &bauds, length)?;
             if is_pseudo_terminal(port) {
                 heard

@@ -4,7 +4,9 @@ use std::io::{self, Read, Write};
 use std::sync::Arc;
 use std::time::Duration;
 
-use serialport::{ClearBuffer, DataBits, ErrorKind, FlowControl, Parity, SerialPort, StopBits};
+use serialport::{
+    ClearBuffer, DataBits, ErrorKind, FlowControl, Parity, SerialPort, SerialPortBuilder, StopBits,
+};
 
 use super::probe::Tunable;
 use super::{DeviceError, Link, LinkError, LinkStatus, Traffic};
@@ -23,6 +25,7 @@ pub struct SerialLink {
     name: String,
     port: Box<dyn SerialPort>,
     baud: u32,
+    low_latency: bool,
     clock: Arc<dyn Clock>,
     buffer: Box<[u8; BUFFER_BYTES]>,
     unsent: u64,
@@ -34,22 +37,34 @@ impl std::fmt::Debug for SerialLink {
     }
 }
 
+/// Opens a port, and whether its driver has agreed to hand bytes on at once.
+#[cfg(target_os = "linux")]
+fn open_port(builder: SerialPortBuilder) -> serialport::Result<(Box<dyn SerialPort>, bool)> {
+    let port = builder.open_native()?;
+    let low_latency = super::low_latency::request(&port);
+    Ok((Box::new(port), low_latency))
+}
+
+#[cfg(not(target_os = "linux"))]
+fn open_port(builder: SerialPortBuilder) -> serialport::Result<(Box<dyn SerialPort>, bool)> {
+    Ok((builder.open()?, false))
+}
+
 impl SerialLink {
-    /// Opens `name` at `baud` bit/s.
+    /// Opens `name` at `baud` bit/s and asks its driver for low latency.
     ///
     /// # Errors
     /// Missing port (with the ports that exist), no permission, in use, or what else the system said.
     pub fn open(name: &str, baud: u32, clock: Arc<dyn Clock>) -> Result<Self, DeviceError> {
-        let port = serialport::new(name, baud)
+        let builder = serialport::new(name, baud)
             .data_bits(DataBits::Eight)
             .parity(Parity::None)
             .stop_bits(StopBits::One)
             .flow_control(FlowControl::None)
-            .timeout(Duration::ZERO)
-            .open()
-            .map_err(|error| open_error(name, &error))?;
+            .timeout(Duration::ZERO);
+        let (port, low_latency) = open_port(builder).map_err(|error| open_error(name, &error))?;
         let buffer = Box::new([0; BUFFER_BYTES]);
-        Ok(Self { name: name.to_owned(), port, baud, clock, buffer, unsent: 0 })
+        Ok(Self { name: name.to_owned(), port, baud, low_latency, clock, buffer, unsent: 0 })
     }
 
     fn lost(&self, source: io::Error) -> LinkError {
@@ -107,7 +122,11 @@ impl Link for SerialLink {
     }
 
     fn status(&self) -> LinkStatus {
-        LinkStatus { unsent: self.unsent, ..LinkStatus::default() }
+        LinkStatus { unsent: self.unsent, low_latency: self.low_latency, ..LinkStatus::default() }
+    }
+
+    fn port(&self) -> Option<&str> {
+        Some(&self.name)
     }
 }
 

@@ -39,6 +39,8 @@ pub struct Source {
     /// Baud rate of a real serial line, to hold against the rate the device announces.
     baud: Option<u32>,
     status: LinkStatus,
+    /// Name of the port when it was last open.
+    port: Option<String>,
     /// Rate the device announced, Hz.
     announced_hz: Option<f64>,
     /// Least bytes a sample took on the line so far.
@@ -63,6 +65,7 @@ impl Source {
         baud: Option<u32>,
     ) -> Self {
         Self {
+            port: link.port().map(str::to_owned),
             link,
             decoder,
             pipeline,
@@ -128,7 +131,11 @@ impl Source {
             sink.event(self.last_at, &format!("connection lost{why}; trying to reopen"));
         }
         if status.reconnects > self.status.reconnects {
-            sink.event(self.last_at, "connection is back");
+            let port = self.link.port().map(str::to_owned);
+            let elsewhere = port.as_ref().filter(|_| port != self.port);
+            let where_ = elsewhere.map_or_else(String::new, |port| format!(", found again as {port}"));
+            sink.event(self.last_at, &format!("connection is back{where_}"));
+            self.port = port;
             self.decoder.rejoin();
         }
         self.status = status;
@@ -274,6 +281,50 @@ mod tests {
     fn short_batches_among_long_ones_are_no_reason_to_stop() {
         let error = poll_all(&mut batches(&[1, 5, 5, 5, 5, 5, 1, 1, 1], 230_400));
         assert!(matches!(error, DeviceError::File { .. }), "the end of the file, not the line: {error}");
+    }
+
+    /// A port that was lost and has turned up elsewhere, again and again.
+    struct Moving(u64);
+
+    impl Link for Moving {
+        fn receive(&mut self, _timeout: Duration) -> Result<Option<(HostTime, Traffic<'_>)>, LinkError> {
+            self.0 += 1;
+            Ok(None)
+        }
+
+        fn status(&self) -> LinkStatus {
+            LinkStatus { losses: self.0, reconnects: self.0, ..LinkStatus::default() }
+        }
+
+        fn port(&self) -> Option<&str> {
+            Some(["/dev/ttyUSB0", "/dev/ttyUSB1", "/dev/ttyUSB1"][self.0 as usize])
+        }
+    }
+
+    #[derive(Default)]
+    struct Events(Vec<String>);
+
+    impl SourceSink for Events {
+        fn traffic(&mut self, _at: HostTime, _traffic: Traffic<'_>) {}
+        fn sample(&mut self, _sample: HeadSample) {}
+        fn event(&mut self, _at: HostTime, text: &str) {
+            self.0.push(text.to_owned());
+        }
+    }
+
+    #[test]
+    fn a_port_found_again_elsewhere_is_named_once() {
+        let pipeline =
+            ImuPipeline::new(&ImuSettings::default(), Calibration::default(), Mount::default(), 9.81);
+        let mut source =
+            Source::new(Box::new(Moving(0)), Box::new(NativeSerialDecoder::new()), pipeline, None);
+        let mut events = Events::default();
+        for _ in 0..2 {
+            source.poll(Duration::ZERO, &mut events).unwrap();
+        }
+        let lost = "connection lost; trying to reopen";
+        let found = "connection is back, found again as /dev/ttyUSB1";
+        assert_eq!(events.0, [lost, found, lost, "connection is back"]);
     }
 
     #[test]
