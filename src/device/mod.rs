@@ -15,6 +15,7 @@ mod buffer;
 pub mod can;
 pub mod configure;
 pub mod discover;
+pub mod doctor;
 mod error;
 pub mod fault;
 mod find;

@@ -88,7 +88,8 @@ pub fn listen(
     let mut ear = Ear::new(bus);
     let end = start + length;
     attend(link, clock, &mut ear, Patience { look: length, first_byte_until: end, end })?;
-    Ok(ear.heard(None, clock.now().saturating_since(start)))
+    let heard = ear.heard(None, clock.now().saturating_since(start));
+    Ok(Heard { bus_errors: link.status().bus_errors, ..heard })
 }
 
 /// Listens to a serial line at each of `bauds` in turn, and stays at the one at which it understands something.

@@ -3,6 +3,8 @@
 mod demo;
 #[cfg(unix)]
 mod devices;
+#[cfg(unix)]
+mod doctor;
 mod inspect;
 mod logs;
 mod perceive;

@@ -27,6 +27,8 @@ pub(super) struct Ear {
     lines: NumberLines,
     samples: SampleTally,
     pub(super) bytes: u64,
+    /// Arrival of the first piece, bytes in it, arrival of the last.
+    pieces: Option<(HostTime, u64, HostTime)>,
     frames: u64,
     ids: BTreeSet<(bool, u32)>,
     /// Bytes whose bits change at most once.
@@ -93,6 +95,7 @@ impl Ear {
             lines: NumberLines::default(),
             samples: SampleTally::default(),
             bytes: 0,
+            pieces: None,
             frames: 0,
             ids: BTreeSet::new(),
             smooth_bytes: 0,
@@ -104,7 +107,10 @@ impl Ear {
         decoder.push(traffic, &mut |reading| samples.add(at, &reading));
         match traffic {
             Traffic::Bytes(bytes) => {
-                self.bytes += bytes.len() as u64;
+                let length = bytes.len() as u64;
+                self.bytes += length;
+                let (first_at, first_bytes, _) = self.pieces.unwrap_or((at, length, at));
+                self.pieces = Some((first_at, first_bytes, at));
                 self.smooth_bytes += bytes.iter().filter(|byte| is_smooth(**byte)).count() as u64;
                 self.lines.push(at, bytes);
             }
@@ -115,6 +121,13 @@ impl Ear {
                 }
             }
         }
+    }
+
+    /// Bytes per second after the first piece.
+    fn bytes_per_s(&self) -> Option<f64> {
+        let (first_at, first_bytes, last_at) = self.pieces?;
+        let span_s = last_at.saturating_since(first_at).as_secs_f64();
+        (span_s > 0.0).then(|| (self.bytes - first_bytes) as f64 / span_s)
     }
 
     fn protocol(&self) -> Option<&'static str> {
@@ -166,6 +179,7 @@ impl Ear {
             baud: baud.filter(|_| self.is_certain()),
             listened_s: listened.as_secs_f64(),
             bytes: self.bytes,
+            bytes_per_s: self.bytes_per_s(),
             frames: self.frames,
             ids: self.ids.len(),
             counters: self.decoder.counters(),

@@ -87,10 +87,14 @@ pub struct Heard {
     pub listened_s: f64,
     /// Bytes heard: at the baud rate given, or at all that were tried.
     pub bytes: u64,
+    /// Bytes per second at the baud rate given.
+    pub bytes_per_s: Option<f64>,
     /// CAN frames heard.
     pub frames: u64,
     /// Different identifiers among them.
     pub ids: usize,
+    /// Error frames of the CAN bus.
+    pub bus_errors: u64,
     /// Counters of the decoder.
     pub counters: DecodeCounters,
     /// The looks at each baud rate, when none was understood.

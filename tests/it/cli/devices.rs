@@ -15,7 +15,7 @@ use crate::pty::Device;
 const STEP: Duration = Duration::from_millis(5);
 
 /// Runs the program with `args` while `device` sends `bytes` over and over, at 8N1 and `baud` bit/s.
-fn run_beside(place: &Place, args: &[&str], device: &Device, bytes: &[u8], baud: u32) -> Run {
+pub(super) fn run_beside(place: &Place, args: &[&str], device: &Device, bytes: &[u8], baud: u32) -> Run {
     let mut command = place.command(args);
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().expect("starts");
