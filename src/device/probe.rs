@@ -136,9 +136,9 @@ pub fn scan(
 /// How long to stay with one ear.
 #[derive(Clone, Copy)]
 struct Patience {
-    /// From the first byte, as long as nothing is promising.
+    /// As long as nothing is promising.
     look: Duration,
-    /// The first byte is waited for until then, and for `look` at least.
+    /// The first byte is waited for until then; the look begins with it.
     first_byte_until: HostTime,
     /// The end in any case.
     end: HostTime,
@@ -152,8 +152,9 @@ fn attend(
     ear: &mut Ear,
     patience: Patience,
 ) -> Result<bool, DeviceError> {
-    let mut until = (clock.now() + patience.look).max(patience.first_byte_until);
-    let mut began = false;
+    let start = clock.now();
+    let mut waits = patience.first_byte_until > start;
+    let mut until = (start + patience.look).max(patience.first_byte_until);
     loop {
         let limit = if ear.is_promising() { patience.end } else { until.min(patience.end) };
         let now = clock.now();
@@ -163,8 +164,7 @@ fn attend(
         match link.receive(limit.saturating_since(now)) {
             Ok(Some((at, traffic))) => {
                 ear.push(at, traffic);
-                if !began {
-                    began = true;
+                if std::mem::take(&mut waits) {
                     until = clock.now() + patience.look;
                 }
             }

@@ -5,8 +5,8 @@ use crate::device::bandwidth::{BITS_PER_BYTE_8N1, MAX_SERIAL_LOAD, check_serial}
 use crate::device::probe::{Heard, Look, MeanSample, Verdict};
 use crate::units::{DEG_PER_RAD, RAD_S_PER_RPM, STANDARD_GRAVITY};
 
-/// Samples that show a pattern rather than a chance.
-const ENOUGH_SAMPLES: u64 = 10;
+/// Samples that show a pattern rather than a chance; a device of 10 Hz gives no more in the time there is.
+const ENOUGH_SAMPLES: u64 = 5;
 /// Share of packets that may be damaged or missing on a line in order.
 const LOSS_SHARE: f64 = 0.01;
 /// Share of the announced rate that must arrive; measured over half a second.
