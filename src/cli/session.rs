@@ -14,7 +14,7 @@ use super::show;
 use crate::config::{Config, SENSOR_LOG_MAP};
 use crate::device::Selector;
 use crate::record::{Recorder, RecordingHeader};
-use crate::report::{Analysis, Caption, LinkCounters, RunFacts, Summary, TimingSummary, svg, table};
+use crate::report::{Analysis, Caption, LinkCounters, RunFacts, Summary, TimingSummary, rounded, svg, table};
 use crate::runtime::{
     Core, Journal, LiveRun, LiveStatus, RunOutcome, Signals, Source, SourceFacts, run_offline,
 };
@@ -211,7 +211,10 @@ impl Session {
                 gaps: outcome.resample.gaps,
                 dropped: outcome.dropped,
             },
-            timing: TimingSummary::new(&outcome.times, simulated_s, wall_s, outcome.overruns),
+            timing: TimingSummary {
+                max_sample_age_ms: outcome.max_sample_age_s.map(|age_s| rounded(age_s * 1e3)),
+                ..TimingSummary::new(&outcome.times, simulated_s, wall_s, outcome.overruns)
+            },
         };
         let mut summary = Summary::new(run, analysis);
         summary.alignment = facts.alignment.and_then(|report| serde_json::to_value(report).ok());
@@ -295,6 +298,7 @@ fn device_facts(facts: &SourceFacts, outcome: &RunOutcome) -> serde_json::Value 
         "constant_delay_measured": facts.constant_delay.1,
         "losses": facts.link.losses,
         "reconnects": facts.link.reconnects,
+        "low_latency": facts.link.low_latency,
         "late_ticks": outcome.late_ticks,
         "stale_episodes": outcome.resample.stale_episodes,
         "lost_episodes": outcome.resample.lost_episodes,

@@ -3,6 +3,9 @@
 use serde::Serialize;
 use serialport::SerialPortType;
 
+use super::Selector;
+use super::find::{PortFinder, usb_at};
+
 /// Identity of a USB device.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct UsbIdentity {
@@ -87,6 +90,37 @@ pub fn discover() -> Vec<DiscoveredPort> {
     ports.extend(can_interfaces());
     ports.sort_by(|a, b| a.selector.cmp(&b.selector));
     ports
+}
+
+/// What is known of the port `selector` names, which need not be in the list: a link to a port, a pseudo-terminal.
+pub fn describe(selector: &Selector) -> DiscoveredPort {
+    let ports = discover();
+    match selector {
+        Selector::Serial { port, .. } => {
+            let node = node_of(port);
+            DiscoveredPort {
+                selector: format!("serial:{port}"),
+                kind: PortKind::Serial { usb: usb_at(&ports, &node).cloned() },
+                access: access(&node),
+            }
+        }
+        Selector::Can { interface, .. } => {
+            let selector = format!("can:{interface}");
+            let listed = ports.into_iter().find(|port| port.selector == selector);
+            let down = PortKind::Can { up: false };
+            listed.unwrap_or(DiscoveredPort { selector, kind: down, access: Access::Granted })
+        }
+        other => DiscoveredPort {
+            selector: other.to_string(),
+            kind: PortKind::Serial { usb: None },
+            access: Access::Unknown,
+        },
+    }
+}
+
+/// The node that `port` of a `serial:` selector stands for: `port` itself unless it is a serial number.
+pub fn node_of(port: &str) -> String {
+    PortFinder::new(port, discover).open(|node| Ok(node.to_owned())).unwrap_or_else(|_| port.to_owned())
 }
 
 #[cfg(not(target_os = "linux"))]

@@ -2,7 +2,7 @@
 //!
 //! A [`Link`] delivers [`Traffic`] with its arrival time; a [`protocol::PacketDecoder`] turns it into
 //! [`protocol::ImuReading`]s. Live port, recording and mock differ only in the `Link`; reconnecting, recording, pacing
-//! and injecting faults are middleware over any of them, and every middleware forwards `send` and `status`.
+//! and injecting faults are middleware over any of them, and every middleware forwards `send`, `status` and `port`.
 
 use std::io;
 use std::sync::Arc;
@@ -15,11 +15,15 @@ mod buffer;
 pub mod can;
 pub mod configure;
 pub mod discover;
+pub mod doctor;
 mod error;
 pub mod fault;
+mod find;
+mod low_latency;
 pub mod mock;
 mod noise;
 pub mod pacer;
+pub mod probe;
 pub mod protocol;
 pub mod reconnect;
 pub mod recorder;
@@ -86,6 +90,8 @@ pub struct LinkStatus {
     pub bus_off: u64,
     /// Writes that were given up because the device or bus did not take them in time.
     pub unsent: u64,
+    /// The driver of the serial port hands bytes on at once; false where it has no such flag.
+    pub low_latency: bool,
 }
 
 /// A source of raw traffic.
@@ -110,6 +116,12 @@ pub trait Link: Send {
     fn status(&self) -> LinkStatus {
         LinkStatus::default()
     }
+
+    /// Name of the port that is open, or was last; it changes when the device turns up elsewhere after a loss. `None`
+    /// for what is no port.
+    fn port(&self) -> Option<&str> {
+        None
+    }
 }
 
 impl<L: Link + ?Sized> Link for Box<L> {
@@ -123,6 +135,10 @@ impl<L: Link + ?Sized> Link for Box<L> {
 
     fn status(&self) -> LinkStatus {
         (**self).status()
+    }
+
+    fn port(&self) -> Option<&str> {
+        (**self).port()
     }
 }
 
@@ -165,15 +181,20 @@ pub fn open_serial(
     clock: &Arc<dyn Clock>,
     plan: Option<configure::Plan>,
 ) -> Result<Box<dyn Link>, DeviceError> {
-    let (port, link_clock) = (port.to_owned(), Arc::clone(clock));
     let kept_baud = plan.as_ref().and_then(|plan| plan.steps.iter().rev().find_map(|step| step.baud_after));
-    let open_at = move |baud: u32| {
-        let mut link = serial::SerialLink::open(&port, baud, Arc::clone(&link_clock))?;
+    let mut finder = find::PortFinder::new(port, discover::discover);
+    let link_clock = Arc::clone(clock);
+    let open_at = move |node: &str, baud: u32| {
+        let mut link = serial::SerialLink::open(node, baud, Arc::clone(&link_clock))?;
         if let Some(plan) = &plan {
-            configure::apply(&mut link, plan, link_clock.as_ref())?;
+            configure::apply(&mut link, node, plan, link_clock.as_ref())?;
         }
         Ok(link)
     };
-    let opener = move || open_at(baud).or_else(|error| kept_baud.map_or(Err(error), &open_at));
+    let opener = move || {
+        finder.open(|node| {
+            open_at(node, baud).or_else(|error| kept_baud.map_or(Err(error), |baud| open_at(node, baud)))
+        })
+    };
     Ok(Box::new(reconnect::Reconnecting::open(opener, Arc::clone(clock))?))
 }

@@ -135,8 +135,13 @@ impl<L: Link, F: FnMut() -> Result<L, DeviceError> + Send> Link for Reconnecting
             bus_errors: self.past.bus_errors + inner.bus_errors,
             bus_off: self.past.bus_off + inner.bus_off,
             unsent: self.past.unsent + inner.unsent,
+            low_latency: inner.low_latency,
             ..self.outage.status
         }
+    }
+
+    fn port(&self) -> Option<&str> {
+        self.link.as_ref().and_then(Link::port)
     }
 }
 

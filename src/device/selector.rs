@@ -18,6 +18,7 @@ const BAUD_RANGE: std::ops::RangeInclusive<u32> = 300..=12_000_000;
 /// | selector | means |
 /// |---|---|
 /// | `serial:PORT?baud=921600` | a serial port, 8N1 |
+/// | `serial:usb=SERIALNUMBER?baud=921600` | the serial port of the USB device with this serial number |
 /// | `can:IFACE?node=N` | a SocketCAN interface; without `node` the first node that describes itself |
 /// | `replay:FILE?kind=text\|candump\|raw\|tlog&baud=N` | a recording; the kind is found from the content if not given |
 /// | `mock:chair?rate_rpm=30&spin_s=15...`, `mock:rest?rest_s=10...` | no hardware, keys of [`MockParams`] |
@@ -25,7 +26,7 @@ const BAUD_RANGE: std::ops::RangeInclusive<u32> = 300..=12_000_000;
 pub enum Selector {
     /// A serial port, 8N1.
     Serial {
-        /// Path or name of the port.
+        /// Path or name of the port, or `usb=` and the serial number of its USB device.
         port: String,
         /// Baud rate, bit/s.
         baud: u32,
@@ -216,6 +217,10 @@ mod tests {
             Selector::Serial { port: "/dev/ttyUSB0".into(), baud: 115_200 }
         );
         assert_eq!(parse("serial:COM3"), Selector::Serial { port: "COM3".into(), baud: DEFAULT_BAUD });
+        assert_eq!(
+            parse("serial:usb=FT4X7A?baud=115200"),
+            Selector::Serial { port: "usb=FT4X7A".into(), baud: 115_200 }
+        );
         assert_eq!(parse("can:can0"), Selector::Can { interface: "can0".into(), node: None });
         assert_eq!(parse("can:can0?node=2"), Selector::Can { interface: "can0".into(), node: Some(2) });
         assert_eq!(

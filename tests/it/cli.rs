@@ -2,6 +2,10 @@
 
 mod can_map;
 mod demo;
+#[cfg(unix)]
+mod devices;
+#[cfg(unix)]
+mod doctor;
 mod inspect;
 mod inspect_logs;
 mod logs;

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use otolith::character::CharacterModel;
 use otolith::config::Config;
 use otolith::device::Selector;
+use otolith::device::doctor::UDEV_RULES;
 use otolith::device::protocol::can_map::Dbc;
 use otolith::device::protocol::text::TextMapping;
 use otolith::imu::Mount;
@@ -61,6 +62,7 @@ fn every_other_file_is_accepted_by_its_reader() {
                 "motions" => MotionSettings::from_toml(&text).err().map(|error| error.to_string()),
                 "mounts" => Mount::from_toml(&name, &text).err().map(|error| error.to_string()),
                 "observers" => observer_problem(&text),
+                "udev" => (text != UDEV_RULES).then(|| "not what `otolith doctor` prints".to_owned()),
                 "scenarios" => Config::from_toml(&text, &name).err().map(|error| error.to_string()),
                 other => panic!("{name}: nothing here reads the folder {other}"),
             };

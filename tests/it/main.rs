@@ -38,5 +38,6 @@ mod motions;
 mod observer_cases;
 mod observer_golden;
 mod observer_laws;
+mod probe;
 #[cfg(unix)]
 mod pty;

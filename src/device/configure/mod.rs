@@ -8,7 +8,7 @@ mod request;
 pub mod vectornav;
 pub mod witmotion;
 
-pub use apply::{Line, apply};
+pub use apply::apply;
 
 use super::DeviceError;
 use super::bandwidth::check_serial;

@@ -167,6 +167,8 @@ impl Candidate {
 pub struct AutoDecoder {
     candidates: Vec<Candidate>,
     bytes: u64,
+    /// The one candidate left is certain: not being told from others is no proof.
+    found: bool,
 }
 
 impl std::fmt::Debug for AutoDecoder {
@@ -185,7 +187,7 @@ impl AutoDecoder {
                 Some(Candidate { decoder: protocol.make?(), certain_after: protocol.certain_after? })
             })
             .collect();
-        Self { candidates, bytes: 0 }
+        Self { candidates, bytes: 0, found: false }
     }
 
     /// The decoder that understands most; of several that understand nothing, the one that has skipped most, so
@@ -225,14 +227,14 @@ impl AutoDecoder {
 impl PacketDecoder for AutoDecoder {
     fn protocol(&self) -> &'static str {
         match self.candidates.as_slice() {
-            [found] => found.decoder.protocol(),
+            [found] if self.found => found.decoder.protocol(),
             _ => "unknown",
         }
     }
 
     fn push(&mut self, traffic: Traffic<'_>, on_reading: &mut dyn FnMut(ImuReading)) {
         self.with_each(on_reading, |decoder, on_reading| decoder.push(traffic, on_reading));
-        if self.candidates.len() > 1 {
+        if !self.found {
             if let Traffic::Bytes(bytes) = traffic {
                 self.bytes += bytes.len() as u64;
             }
@@ -240,6 +242,7 @@ impl PacketDecoder for AutoDecoder {
             {
                 self.candidates.swap(0, found);
                 self.candidates.truncate(1);
+                self.found = true;
             }
         }
     }
@@ -266,7 +269,7 @@ impl PacketDecoder for AutoDecoder {
 
     fn poll_transmit(&mut self, host_time_us: u64, out: &mut [u8; 64]) -> Option<usize> {
         match self.candidates.as_mut_slice() {
-            [found] => found.decoder.poll_transmit(host_time_us, out),
+            [found] if self.found => found.decoder.poll_transmit(host_time_us, out),
             _ => None,
         }
     }
@@ -322,7 +325,7 @@ mod tests {
 
     #[test]
     fn noise_is_nobodys_and_is_counted() {
-        let mut decoder = AutoDecoder::on(&[Bus::Serial, Bus::Can]);
+        let mut decoder = AutoDecoder::on(&[Bus::Serial]);
         for _ in 0..100 {
             decoder.push(Traffic::Bytes(&[0x55; 50]), &mut |_| panic!("no sample in this"));
         }
