@@ -1,4 +1,5 @@
-//! Recordings of other programs as links: text logs, candump logs, telemetry logs, raw serial captures. Streamed, never loaded.
+//! Recordings of other programs as links: text logs, candump logs, telemetry logs, raw serial captures. Streamed, never
+//! loaded.
 //!
 //! Stamps are relative to the first one in the file, never go backwards, and nothing in a file is fatal once it is
 //! open: what is no traffic is counted in [`super::LinkStatus::bytes_skipped`].
