@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use crate::device::can::bus::BusState;
 use crate::device::protocol::{DecodeCounters, ImuReading, PacketDecoder, SyncEstimate};
 use crate::device::{DeviceError, Link, LinkError, LinkStatus, Traffic, bandwidth};
 use crate::imu::{AlignmentReport, ClockMode, HeadSample, ImuCounters, ImuPipeline};
@@ -134,10 +135,29 @@ impl Source {
             sink.event(self.last_at, "connection is back");
             self.decoder.rejoin();
         }
+        self.note_bus_changes(&status, sink);
         self.status = status;
         if !self.recognised && self.decoder.counters().packets > 0 && self.decoder.protocol() != "unknown" {
             self.recognised = true;
             sink.event(self.last_at, &format!("protocol {}", self.decoder.protocol()));
+        }
+    }
+
+    /// Turns what a CAN bus and its controller say into events: each change of state, each kind of trouble once.
+    fn note_bus_changes(&self, status: &LinkStatus, sink: &mut dyn SourceSink) {
+        let (at, before) = (self.last_at, &self.status);
+        if status.bus_state != before.bus_state && status.bus_state != BusState::Unknown {
+            let state = status.bus_state;
+            sink.event(at, &format!("CAN controller: {state}{}", state.advice()));
+        }
+        for fault in status.bus_faults.without(before.bus_faults).iter() {
+            sink.event(at, &format!("CAN bus: {fault}"));
+        }
+        if status.overflowed > 0 && before.overflowed == 0 {
+            sink.event(at, "CAN frames were not taken in time and dropped by the kernel");
+        }
+        if status.stamps_refused > 0 && before.stamps_refused == 0 {
+            sink.event(at, "receive stamps of the kernel cannot be right; the time of reading is used");
         }
     }
 
@@ -212,6 +232,7 @@ mod tests {
     use otolith_firmware_protocol::stream::StreamEncoder;
 
     use super::*;
+    use crate::device::can::bus::BusFault;
     use crate::device::protocol::native_serial::NativeSerialDecoder;
     use crate::imu::{Calibration, ImuSettings, Mount};
 
@@ -227,6 +248,69 @@ mod tests {
             self.1 = self.0.remove(0);
             Ok(Some((HostTime(0), Traffic::Bytes(&self.1))))
         }
+    }
+
+    /// Shows one status after the other, and is silent.
+    struct States(Vec<LinkStatus>);
+
+    impl Link for States {
+        fn receive(&mut self, _timeout: Duration) -> Result<Option<(HostTime, Traffic<'_>)>, LinkError> {
+            if self.0.len() > 1 {
+                self.0.remove(0);
+            }
+            Ok(None)
+        }
+
+        fn status(&self) -> LinkStatus {
+            self.0[0]
+        }
+    }
+
+    #[derive(Default)]
+    struct Events(Vec<String>);
+
+    impl SourceSink for Events {
+        fn traffic(&mut self, _at: HostTime, _traffic: Traffic<'_>) {}
+        fn sample(&mut self, _sample: HeadSample) {}
+        fn event(&mut self, _at: HostTime, text: &str) {
+            self.0.push(text.to_owned());
+        }
+    }
+
+    #[test]
+    fn what_a_bus_says_becomes_an_event_once() {
+        let mut status = LinkStatus::default();
+        let mut states = vec![status, status];
+        let mut then = |change: &dyn Fn(&mut LinkStatus)| {
+            change(&mut status);
+            states.extend([status, status]);
+        };
+        then(&|status| status.bus_state = BusState::BusOff);
+        then(&|status| status.bus_faults.insert(BusFault::NoAcknowledgement));
+        then(&|status| status.bus_faults.insert(BusFault::NoAcknowledgement));
+        then(&|status| status.bus_faults.insert(BusFault::StuffError));
+        then(&|status| status.bus_state = BusState::ErrorActive);
+        then(&|status| status.overflowed = 5);
+        then(&|status| status.overflowed = 6);
+        then(&|status| status.stamps_refused = 1);
+        let polls = states.len();
+        let mut source = source(Box::new(States(states)), None);
+        let mut events = Events::default();
+        for _ in 0..polls {
+            source.poll(Duration::ZERO, &mut events).expect("silence");
+        }
+        let firsts: Vec<&str> = events.0.iter().map(|text| text.split(';').next().unwrap_or("")).collect();
+        assert_eq!(
+            firsts,
+            [
+                "CAN controller: bus-off",
+                "CAN bus: no acknowledgement",
+                "CAN bus: stuff error",
+                "CAN controller: error-active",
+                "CAN frames were not taken in time and dropped by the kernel",
+                "receive stamps of the kernel cannot be right",
+            ]
+        );
     }
 
     struct Nowhere;
@@ -259,10 +343,13 @@ mod tests {
             let batch = Message::Batch16(Batch16 { t_us: 1000 * k as u32, dt_us: 1000, rows: &rows });
             frames.push(encoder.encode(&batch, &mut out).unwrap().to_vec());
         }
+        source(Box::new(Frames(frames, Vec::new())), Some(baud))
+    }
+
+    fn source(link: Box<dyn Link>, baud: Option<u32>) -> Source {
         let pipeline =
             ImuPipeline::new(&ImuSettings::default(), Calibration::default(), Mount::default(), 9.81);
-        let link = Box::new(Frames(frames, Vec::new()));
-        Source::new(link, Box::new(NativeSerialDecoder::new()), pipeline, Some(baud))
+        Source::new(link, Box::new(NativeSerialDecoder::new()), pipeline, baud)
     }
 
     fn poll_all(source: &mut Source) -> DeviceError {

@@ -9,9 +9,9 @@ fn say_skipped(why: &str) {
     let _ = writeln!(std::io::stderr(), "skipped: {why}");
 }
 
-#[cfg(target_os = "linux")]
-mod can;
 mod candump;
+#[path = "../common/chair_can.rs"]
+mod chair_can;
 mod cli;
 mod closed_loop;
 mod configs;
