@@ -25,6 +25,8 @@ mod chair_can;
 mod link;
 #[path = "socketcan/program.rs"]
 mod program;
+#[path = "socketcan/slcand.rs"]
+mod slcand;
 
 /// Ends hangs; never decides a test.
 const PATIENCE: u32 = 1500;

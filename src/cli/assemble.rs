@@ -33,7 +33,7 @@ pub(super) fn open_source(
 ) -> Result<Source, Failure> {
     let sensor = config.sensor()?;
     check_text_log(config, selector, &sensor)?;
-    let live = matches!(selector, Selector::Serial { .. } | Selector::Can { .. });
+    let live = matches!(selector, Selector::Serial { .. } | Selector::Can { .. } | Selector::Slcan { .. });
     if live && pace == Pace::Max {
         return Err(Failure::usage(format!(
             "{selector}: a device runs in real time, --pace max is for recordings and mocks\n\nhint: leave --pace out"

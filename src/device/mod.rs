@@ -25,6 +25,7 @@ pub mod recorder;
 pub mod replay;
 pub mod selector;
 pub mod serial;
+pub mod slcan;
 mod status;
 #[cfg(test)]
 mod testing;
@@ -130,6 +131,15 @@ pub fn open(
             let (interface, clock) = (interface.clone(), Arc::clone(clock));
             let reopen_clock = Arc::clone(&clock);
             let opener = move || can::CanLink::open(&interface, Arc::clone(&reopen_clock));
+            Ok(Box::new(reconnect::Reconnecting::open(opener, clock)?))
+        }
+        Selector::Slcan { port, bitrate, baud, .. } => {
+            let (port, bitrate, baud, clock) = (port.clone(), *bitrate, *baud, Arc::clone(clock));
+            let reopen_clock = Arc::clone(&clock);
+            let opener = move || {
+                let line = serial::SerialLink::open(&port, baud, Arc::clone(&reopen_clock))?;
+                slcan::SlcanLink::open(line, &port, bitrate)
+            };
             Ok(Box::new(reconnect::Reconnecting::open(opener, clock)?))
         }
         Selector::Replay { path, kind, baud } => replay::open(path, *kind, *baud, stamp_line),

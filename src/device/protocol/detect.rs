@@ -34,7 +34,7 @@ pub fn decoder_by_name(name: &str) -> Result<Box<dyn PacketDecoder>, DeviceError
 /// The decoder for a device whose protocol was not named.
 pub fn decoder_for(selector: &Selector) -> Box<dyn PacketDecoder> {
     match selector {
-        Selector::Can { node, .. } => Box::new(NativeCanDecoder::new(*node)),
+        Selector::Can { node, .. } | Selector::Slcan { node, .. } => Box::new(NativeCanDecoder::new(*node)),
         Selector::Mock(_) => Box::new(NativeSerialDecoder::new()),
         Selector::Serial { .. } | Selector::Replay { .. } => Box::new(AutoDecoder::new()),
     }
