@@ -43,7 +43,7 @@ pub(super) fn open_source(
         let map_file = map_file.or(known.map(|known| known.file.to_owned())).unwrap_or_default();
         check_text_log(selector, mapping, &map_file)?;
     }
-    let live = matches!(selector, Selector::Serial { .. } | Selector::Can { .. });
+    let live = matches!(selector, Selector::Serial { .. } | Selector::Can { .. } | Selector::Slcan { .. });
     if live && pace == Pace::Max {
         return Err(Failure::usage(format!(
             "{selector}: a device runs in real time, --pace max is for recordings and mocks\n\nhint: leave --pace out"

@@ -16,6 +16,7 @@ use crate::vestibular::PRESET_NAMES;
 #[command(after_help = "Examples:\n  \
     otolith run --device serial:/dev/ttyUSB0?baud=921600 --out my-run\n  \
     otolith run --device can:can0 --duration-s 60 --record my-run.mcap\n  \
+    otolith run --device slcan:/dev/ttyACM0?bitrate=500000 --duration-s 60\n  \
     otolith run --device replay:log.txt --log-map configs/logs/turntable-lsm9ds1.toml --pace max --json\n  \
     otolith run --device can:can0 --map racelogic-imu04 --duration-s 60\n  \
     otolith run --device mock:chair --rate-rpm 20 --pace max\n  \

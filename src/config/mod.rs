@@ -174,7 +174,7 @@ pub enum ConfigError {
     /// No device was named.
     #[error(
         "no device to read from\n\nhint: name one with --device, for example serial:/dev/ttyUSB0?baud=921600, can:can0, \
-         replay:FILE or mock:chair; `otolith devices` lists what is connected"
+         slcan:/dev/ttyACM0, replay:FILE or mock:chair; `otolith devices` lists what is connected"
     )]
     NoDevice,
 }

@@ -134,6 +134,8 @@ fn access(_port: &str) -> Access {
 }
 
 #[cfg(target_os = "linux")]
+pub(super) use linux::is_up;
+#[cfg(target_os = "linux")]
 use linux::{access, can_interfaces};
 
 #[cfg(target_os = "linux")]
@@ -161,15 +163,20 @@ mod linux {
             if read("type").trim() != CAN_HARDWARE_TYPE {
                 continue;
             }
-            let flags = read("flags");
-            let flags = u32::from_str_radix(flags.trim().trim_start_matches("0x"), 16).unwrap_or(0);
             found.push(DiscoveredPort {
                 selector: format!("can:{}", entry.file_name().to_string_lossy()),
-                kind: PortKind::Can { up: flags & UP_FLAG != 0 },
+                kind: PortKind::Can { up: is_up(&entry.path()) == Some(true) },
                 access: Access::Granted,
             });
         }
         found
+    }
+
+    /// Whether the network interface with this folder is up; `None` when there is none.
+    pub(in crate::device) fn is_up(interface: &Path) -> Option<bool> {
+        let flags = fs::read_to_string(interface.join("flags")).ok()?;
+        let flags = u32::from_str_radix(flags.trim().trim_start_matches("0x"), 16).ok()?;
+        Some(flags & UP_FLAG != 0)
     }
 
     pub(super) fn access(port: &str) -> Access {

@@ -30,6 +30,8 @@ pub mod recorder;
 pub mod replay;
 pub mod selector;
 pub mod serial;
+pub mod slcan;
+mod status;
 #[cfg(test)]
 mod testing;
 
@@ -37,6 +39,7 @@ pub use error::DeviceError;
 pub use noise::Noise;
 pub use replay::LineStamper;
 pub use selector::Selector;
+pub use status::LinkStatus;
 
 /// One piece of raw traffic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,30 +71,6 @@ pub enum LinkError {
     /// A finite source is exhausted: the normal end of a replay or of a mock run.
     #[error("end of recording")]
     EndOfRecording,
-}
-
-/// State and losses of a link since it was opened. Read it after each `receive`; a change is an event to note.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-pub struct LinkStatus {
-    /// True while the connection is down and reopening is tried.
-    pub down: bool,
-    /// What the operating system said when the connection was last lost.
-    #[serde(skip)]
-    pub last_loss: Option<io::ErrorKind>,
-    /// Times the connection was lost.
-    pub losses: u64,
-    /// Times it was reopened after a loss. The decoder should then [`protocol::PacketDecoder::rejoin`].
-    pub reconnects: u64,
-    /// Bytes of a recording that are no traffic: malformed lines of a candump log.
-    pub bytes_skipped: u64,
-    /// Error frames of a CAN bus (of any class), and the read errors of an interface that is down.
-    pub bus_errors: u64,
-    /// The CAN error frames among `bus_errors` that said bus off.
-    pub bus_off: u64,
-    /// Writes that were given up because the device or bus did not take them in time.
-    pub unsent: u64,
-    /// The driver of the serial port hands bytes on at once; false where it has no such flag.
-    pub low_latency: bool,
 }
 
 /// A source of raw traffic.
@@ -162,6 +141,15 @@ pub fn open(
             let (interface, clock) = (interface.clone(), Arc::clone(clock));
             let reopen_clock = Arc::clone(&clock);
             let opener = move || can::CanLink::open(&interface, Arc::clone(&reopen_clock));
+            Ok(Box::new(reconnect::Reconnecting::open(opener, clock)?))
+        }
+        Selector::Slcan { port, bitrate, baud, .. } => {
+            let (port, bitrate, baud, clock) = (port.clone(), *bitrate, *baud, Arc::clone(clock));
+            let reopen_clock = Arc::clone(&clock);
+            let opener = move || {
+                let line = serial::SerialLink::open(&port, baud, Arc::clone(&reopen_clock))?;
+                slcan::SlcanLink::open(line, &port, bitrate)
+            };
             Ok(Box::new(reconnect::Reconnecting::open(opener, clock)?))
         }
         Selector::Replay { path, kind, baud } => replay::open(path, *kind, *baud, stamp_line),

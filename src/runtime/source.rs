@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::trouble::{Change, Counts, Trouble, TroubleWatch};
+use crate::device::can::bus::BusState;
 use crate::device::protocol::detect::OTOLITH_CAN;
 use crate::device::protocol::{DecodeCounters, ImuReading, PacketDecoder, SyncEstimate};
 use crate::device::{DeviceError, Link, LinkError, LinkStatus, Traffic, bandwidth};
@@ -163,12 +164,14 @@ impl Source {
             self.port = port;
             self.decoder.rejoin();
         }
+        self.note_bus_changes(&status, sink);
         self.status = status;
         let at = self.last_at;
         let counts = Counts { decode: self.decoder.counters(), link: status, imu: self.pipeline.counters() };
         self.troubles.look(at, &counts, |change| match change {
             // Told above, with the reason.
-            Change::Begun(Trouble::ConnectionLost) | Change::Over(Trouble::ConnectionLost, _) => {}
+            Change::Begun(Trouble::ConnectionLost | Trouble::InterfaceDown | Trouble::BusOff)
+            | Change::Over(Trouble::ConnectionLost | Trouble::InterfaceDown | Trouble::BusOff, _) => {}
             Change::Begun(trouble) => sink.event(at, &format!("trouble: {}", trouble.name())),
             Change::Over(trouble, count) => sink.event(at, &format!("over: {count} {}", trouble.name())),
         });
@@ -188,6 +191,21 @@ impl Source {
         }
         if let Some(exchange) = self.decoder.sync_estimate() {
             self.pipeline.take_exchange(exchange);
+        }
+    }
+
+    /// Turns what a CAN bus and its controller say into events: each change of state, each kind of trouble once.
+    fn note_bus_changes(&self, status: &LinkStatus, sink: &mut dyn SourceSink) {
+        let (at, before) = (self.last_at, &self.status);
+        if status.bus_state != before.bus_state && status.bus_state != BusState::Unknown {
+            let state = status.bus_state;
+            sink.event(at, &format!("CAN controller: {state}{}", state.advice()));
+        }
+        for fault in status.bus_faults.without(before.bus_faults).iter() {
+            sink.event(at, &format!("CAN bus: {fault}"));
+        }
+        if status.stamps_refused > 0 && before.stamps_refused == 0 {
+            sink.event(at, "receive stamps of the kernel cannot be right; the time of reading is used");
         }
     }
 

@@ -21,6 +21,11 @@ use otolith_firmware_protocol::stream::StreamEncoder;
 use port::Port;
 use serde_json::Value;
 
+#[path = "../common/chair_can.rs"]
+mod chair_can;
+#[path = "live/slcan.rs"]
+mod slcan;
+
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
 const GYRO_RANGE_DPS: u16 = 500;

@@ -137,8 +137,12 @@ pub fn decoder_by_name(name: &str) -> Result<Box<dyn PacketDecoder>, DeviceError
 /// The decoder for a device whose protocol was not named.
 pub fn decoder_for(selector: &Selector) -> Box<dyn PacketDecoder> {
     match selector {
-        Selector::Can { node: Some(node), .. } => Box::new(NativeCanDecoder::new(Some(*node))),
-        Selector::Can { node: None, .. } => Box::new(AutoDecoder::on(&[Bus::Can])),
+        Selector::Can { node: Some(node), .. } | Selector::Slcan { node: Some(node), .. } => {
+            Box::new(NativeCanDecoder::new(Some(*node)))
+        }
+        Selector::Can { node: None, .. } | Selector::Slcan { node: None, .. } => {
+            Box::new(AutoDecoder::on(&[Bus::Can]))
+        }
         Selector::Mock(_) => Box::new(NativeSerialDecoder::new()),
         Selector::Serial { .. } => Box::new(AutoDecoder::on(&[Bus::Serial])),
         Selector::Replay { .. } => Box::new(AutoDecoder::on(&[Bus::Serial, Bus::Can])),

@@ -127,7 +127,7 @@ impl Content {
         self.unknown += u64::from(taken.is_none());
     }
 
-    /// `None` for what is too short or not finite.
+    /// `None` for what is too short.
     fn take_z1(&mut self, payload: &[u8], on_reading: &mut dyn FnMut(ImuReading)) -> Option<()> {
         let (count, rest) = payload.split_first_chunk()?;
         let acceleration = floats(rest)?;
@@ -162,13 +162,13 @@ impl Content {
     }
 }
 
-/// Three finite little-endian floats.
+/// Three little-endian floats.
 fn floats(bytes: &[u8]) -> Option<Vector3<f64>> {
     let mut values = [0.0; 3];
     for (value, bytes) in values.iter_mut().zip(bytes.first_chunk::<12>()?.chunks_exact(4)) {
         *value = f64::from(f32::from_le_bytes(*bytes.first_chunk()?));
     }
-    values.iter().all(|value| value.is_finite()).then(|| values.into())
+    Some(values.into())
 }
 
 /// Three big-endian 16-bit numbers.

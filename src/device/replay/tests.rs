@@ -5,6 +5,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::device::Traffic;
+use crate::device::can::bus::BusState;
 use crate::device::testing::{drain, from_hex};
 
 fn file(suffix: &str, content: &[u8]) -> tempfile::NamedTempFile {
@@ -109,7 +110,8 @@ fn a_candump_log_is_played_frame_by_frame() {
     ];
     assert_eq!(frames, expected);
     let status = link.status();
-    assert_eq!((status.bytes_skipped, status.bus_errors), (bad.len() as u64, 1));
+    assert_eq!((status.bytes_skipped, status.bus_errors, status.bus_off), (bad.len() as u64, 1, 1));
+    assert_eq!(status.bus_state, BusState::BusOff);
 }
 
 /// Frames of pymavlink as a ground station logs them: RAW_IMU and HIGHRES_IMU in turn, 10 ms apart.

@@ -4,6 +4,7 @@ use otolith_firmware_protocol::message::{Batch16, Hello, Message};
 use otolith_firmware_protocol::stream::StreamEncoder;
 
 use super::*;
+use crate::device::can::bus::BusFault;
 use crate::device::protocol::native_can::NativeCanDecoder;
 use crate::device::protocol::native_serial::NativeSerialDecoder;
 use crate::imu::{Calibration, ImuSettings, Mount};
@@ -142,4 +143,58 @@ fn a_port_found_again_elsewhere_is_named_once() {
 fn a_line_too_slow_for_the_announced_rate_is_refused() {
     let error = poll_all(&mut batches(&[1, 1, 1, 1, 1, 1], 230_400));
     assert!(matches!(error, DeviceError::SerialTooSlow { .. }), "{error}");
+}
+
+/// Shows one status after the other, and is silent.
+struct States(Vec<LinkStatus>);
+
+impl Link for States {
+    fn receive(&mut self, _timeout: Duration) -> Result<Option<(HostTime, Traffic<'_>)>, LinkError> {
+        if self.0.len() > 1 {
+            self.0.remove(0);
+        }
+        Ok(None)
+    }
+
+    fn status(&self) -> LinkStatus {
+        self.0[0]
+    }
+}
+
+#[test]
+fn what_a_bus_says_becomes_an_event_once() {
+    let mut status = LinkStatus::default();
+    let mut states = vec![status, status];
+    let mut then = |change: &dyn Fn(&mut LinkStatus)| {
+        change(&mut status);
+        states.extend([status, status]);
+    };
+    then(&|status| status.bus_state = BusState::BusOff);
+    then(&|status| status.bus_faults.insert(BusFault::NoAcknowledgement));
+    then(&|status| status.bus_faults.insert(BusFault::NoAcknowledgement));
+    then(&|status| status.bus_faults.insert(BusFault::StuffError));
+    then(&|status| status.bus_state = BusState::ErrorActive);
+    then(&|status| status.overflowed = 5);
+    then(&|status| status.overflowed = 6);
+    then(&|status| status.stamps_refused = 1);
+    let polls = states.len();
+    let pipeline = ImuPipeline::new(&ImuSettings::default(), Calibration::default(), Mount::default(), 9.81);
+    let mut source =
+        Source::new(Box::new(States(states)), Box::new(NativeSerialDecoder::new()), pipeline, None);
+    let mut events = Events::default();
+    for _ in 0..polls {
+        source.poll(Duration::ZERO, &mut events).expect("silence");
+    }
+    let firsts: Vec<&str> = events.0.iter().map(|text| text.split(';').next().unwrap_or("")).collect();
+    assert_eq!(
+        firsts,
+        [
+            "CAN controller: bus-off",
+            "CAN bus: no acknowledgement",
+            "CAN bus: stuff error",
+            "CAN controller: error-active",
+            "trouble: frames dropped by the kernel",
+            "receive stamps of the kernel cannot be right",
+        ]
+    );
 }

@@ -34,8 +34,6 @@ pub(super) enum ImuMessage {
     Neither,
     /// All six values are exactly zero, which no accelerometer reads: the sensor is not there.
     Absent,
-    /// Values that are no numbers.
-    Unreadable,
 }
 
 /// Name of a message that [`read`] reads.
@@ -101,9 +99,6 @@ fn highres(payload: &[u8; 64]) -> ImuMessage {
         Vector3::from([0, 4, 8].map(|axis| f64::from(f32::from_le_bytes(bytes(payload, at + axis)))))
     };
     let (force, rate) = (triple(8), triple(20));
-    if force.iter().chain(rate.iter()).any(|value| !value.is_finite()) {
-        return ImuMessage::Unreadable;
-    }
     if force == Vector3::zeros() && rate == Vector3::zeros() {
         return ImuMessage::Absent;
     }

@@ -102,7 +102,6 @@ struct Content {
     version_1: u64,
     halves: u64,
     absent: u64,
-    unreadable: u64,
     /// What heartbeats say each system is.
     autopilots: [u8; 256],
 }
@@ -118,7 +117,6 @@ impl Default for Content {
             version_1: 0,
             halves: 0,
             absent: 0,
-            unreadable: 0,
             autopilots: [NO_AUTOPILOT; 256],
         }
     }
@@ -147,7 +145,6 @@ impl Content {
             }
             Some(ImuMessage::Half) => self.halves += 1,
             Some(ImuMessage::Absent) => self.absent += 1,
-            Some(ImuMessage::Unreadable) => self.unreadable += 1,
             Some(ImuMessage::Neither) | None => {}
         }
     }
@@ -190,7 +187,7 @@ impl PacketDecoder for MavlinkDecoder {
             bad_checksum: scan.bad_checksum,
             bytes_skipped: scan.bytes_skipped + self.foreign_bytes,
             missing: self.content.missing,
-            unknown: self.content.unknown + self.content.unreadable,
+            unknown: self.content.unknown,
             lone_halves: self.content.halves,
             unfinished_bytes: scan.unfinished_bytes,
             ..DecodeCounters::default()

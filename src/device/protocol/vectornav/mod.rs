@@ -173,11 +173,6 @@ impl Content {
         }
         self.uncompensated = compensated.is_none();
         let (omega_imu, specific_force_imu) = (vector(omega), force.map(vector));
-        let finite = |vector: &Vector3<f64>| vector.iter().all(|value| value.is_finite());
-        if !finite(&omega_imu) || !specific_force_imu.as_ref().is_none_or(finite) {
-            self.unreadable += 1;
-            return;
-        }
         let device_time = nanos.map(|nanos| DeviceTime { micros: nanos / 1000, wraps_after_us: None });
         if let Some(DeviceTime { micros, .. }) = device_time {
             self.watch(output, micros);
