@@ -237,7 +237,9 @@ static int run(struct host *host, const struct settings *settings)
         if (settings->paced)
             keep_pace(host);
     }
-    fprintf(stderr, "simhost: %.3f s of AVR time in %.3f s, at most %.1f ms behind; %lu bytes sent, %lu dropped, %lu unheard\n",
+    fprintf(stderr,
+            "simhost: %.3f s of AVR time in %.3f s, at most %.1f ms behind; "
+            "%lu bytes sent, %lu dropped, %lu unheard\n",
             avr_s, now_s() - host->started_s, host->worst_lag_s * 1e3, host->terminal.sent_bytes,
             host->terminal.dropped_bytes, host->terminal.unheard_bytes);
     return DONE;
