@@ -6,8 +6,11 @@
 // A device lives by the clock.
 #![allow(clippy::disallowed_methods)]
 
+#[path = "../common/chair_can.rs"]
+mod chair_can;
 mod foreign;
 mod port;
+mod slcan;
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -20,11 +23,6 @@ use otolith_firmware_protocol::message::{Hello, Message, Sample16};
 use otolith_firmware_protocol::stream::StreamEncoder;
 use port::Port;
 use serde_json::Value;
-
-#[path = "../common/chair_can.rs"]
-mod chair_can;
-#[path = "live/slcan.rs"]
-mod slcan;
 
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
