@@ -2,6 +2,9 @@
 //!
 //! One file per protocol turns a [`Request`] into a [`Plan`] of bytes to write and answers to wait for; it is pure.
 
+pub mod mip;
+pub mod xbus;
+
 /// What the user asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Request {

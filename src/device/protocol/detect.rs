@@ -1,7 +1,9 @@
 //! Which protocol a device speaks: by name, or by who understands it.
 
+use super::mip::MipDecoder;
 use super::native_can::NativeCanDecoder;
 use super::native_serial::NativeSerialDecoder;
+use super::xbus::XbusDecoder;
 use super::{DecodeCounters, DeviceInfo, ImuReading, PacketDecoder, SyncEstimate};
 use crate::device::{DeviceError, Selector, Traffic};
 
@@ -9,6 +11,10 @@ use crate::device::{DeviceError, Selector, Traffic};
 pub const OTOLITH_SERIAL: &str = "otolith-serial";
 /// Our protocol on classic CAN.
 pub const OTOLITH_CAN: &str = "otolith-can";
+/// MicroStrain inertial sensors.
+pub const MIP: &str = "mip";
+/// Xsens (Movella) MTi on a serial line.
+pub const XBUS: &str = "xbus";
 /// Lines of text, described by a mapping file.
 pub const TEXT: &str = "text";
 
@@ -48,6 +54,18 @@ pub const PROTOCOLS: &[Protocol] = &[
         bus: Bus::Can,
         certain_after: Some(3),
         make: Some(|| Box::new(NativeCanDecoder::new(None))),
+    },
+    Protocol {
+        name: MIP,
+        bus: Bus::Serial,
+        certain_after: Some(3),
+        make: Some(|| Box::new(MipDecoder::new())),
+    },
+    Protocol {
+        name: XBUS,
+        bus: Bus::Serial,
+        certain_after: Some(8),
+        make: Some(|| Box::new(XbusDecoder::new())),
     },
     Protocol { name: TEXT, bus: Bus::Serial, certain_after: None, make: None },
 ];

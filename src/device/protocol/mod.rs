@@ -7,11 +7,14 @@ use super::Traffic;
 pub mod detect;
 mod drops;
 mod frames;
+mod halves;
+pub mod mip;
 pub mod native_can;
 pub mod native_serial;
 mod period;
 mod sync;
 pub mod text;
+pub mod xbus;
 
 use drops::DropCount;
 pub use sync::SyncEstimate;
