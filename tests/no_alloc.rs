@@ -1,4 +1,4 @@
-//! No heap operation in a tick: a counting allocator watches the core through a spin.
+//! No heap operation in a tick nor in a decoder: a counting allocator watches the core through a spin.
 
 // An allocator is unsafe by its signature; this one only counts and hands on to the system's. It needs a test binary of
 // its own, since a program has one allocator.
@@ -9,6 +9,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use nalgebra::Vector3;
 use otolith::character::CharacterModel;
+use otolith::device::Traffic;
+use otolith::device::protocol::detect::decoder_by_name;
 use otolith::imu::LinkHealth;
 use otolith::motion::{MotionSettings, shipped_motion};
 use otolith::runtime::{Core, CoreSettings, Push};
@@ -60,9 +62,41 @@ fn operations(core: &mut Core, ticks: std::ops::Range<u64>) -> (u64, bool) {
     (OPERATIONS.load(Ordering::Relaxed) - before, standing)
 }
 
+/// Heap operations of the decoder called `protocol` while it takes `frames` a hundred times, some damaged, in pieces of
+/// 61 bytes; and the samples it found.
+fn operations_of_decoder(protocol: &str, frames: &[u8]) -> (u64, u64) {
+    let mut stream = frames.repeat(100);
+    stream.iter_mut().step_by(1009).for_each(|byte| *byte ^= 0x10);
+    let (mut decoder, mut samples) = (decoder_by_name(protocol).unwrap(), 0);
+    let before = OPERATIONS.load(Ordering::Relaxed);
+    for piece in stream.chunks(61) {
+        decoder.push(Traffic::Bytes(piece), &mut |_| samples += 1);
+    }
+    decoder.finish(&mut |_| samples += 1);
+    (OPERATIONS.load(Ordering::Relaxed) - before, samples)
+}
+
+/// The frames of one protocol in the vectors of other people's devices.
+fn vectors(proto: &str) -> Vec<u8> {
+    let all: serde_json::Value = serde_json::from_str(include_str!("golden/devices/vectors.json")).unwrap();
+    let of_it = all.as_array().unwrap().iter().filter(|vector| vector["proto"] == proto);
+    let digits: String = of_it.map(|vector| vector["hex"].as_str().unwrap()).collect();
+    let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap();
+    digits.as_bytes().chunks(2).map(byte).collect()
+}
+
+fn decoders_do_not_touch_the_heap() {
+    for (protocol, proto, least) in [("xbus", "xsens-xbus", 90), ("mip", "microstrain-mip", 170)] {
+        let (operations, samples) = operations_of_decoder(protocol, &vectors(proto));
+        assert_eq!(operations, 0, "{protocol}");
+        assert!(samples >= least, "{protocol}: {samples} samples");
+    }
+}
+
 // One test only: the counter sees every thread of the binary.
 #[test]
 fn ticks_do_not_touch_the_heap_in_a_spin_nor_in_a_motion_nor_in_a_fall() {
+    decoders_do_not_touch_the_heap();
     let model = || CharacterModel::standing().unwrap();
     let mut core = Core::new(CoreSettings::default(), model()).unwrap();
     assert!(OPERATIONS.load(Ordering::Relaxed) > 0, "the counter does not count");

@@ -18,7 +18,7 @@ use otolith::units::DEG_PER_RAD;
 const GRAVITY: f64 = 9.81;
 
 /// A recorded log; `None` where the shared recordings are not at hand.
-fn shared_log(name: &str) -> Option<Vec<u8>> {
+pub(crate) fn shared_log(name: &str) -> Option<Vec<u8>> {
     let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/imu-logs")).join(name);
     match std::fs::read(&path) {
         Ok(bytes) => Some(bytes),

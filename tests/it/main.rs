@@ -24,3 +24,4 @@ mod observer_golden;
 mod observer_laws;
 #[cfg(unix)]
 mod pty;
+mod xbus_mip;

@@ -70,13 +70,24 @@ pub fn plan(request: &Request) -> Result<Plan, ConfigureError> {
 pub fn plan_for_base_rate(request: &Request, base_rate_hz: u16) -> Result<Plan, ConfigureError> {
     let Some(&(_, has_base_rate)) = BASE_RATES.iter().find(|(rate, _)| *rate == base_rate_hz) else {
         let expected = BASE_RATES.map(|(rate, _)| rate.to_string()).join(", ");
-        return Err(refusal("base-rate", base_rate_hz.to_string(), expected, "ask the device for its base rate"));
+        return Err(refusal(
+            "base-rate",
+            base_rate_hz.to_string(),
+            expected,
+            "ask the device for its base rate",
+        ));
     };
     let rate_hz = request.rate_hz.unwrap_or(USUAL_RATE_HZ);
     let decimation = decimation(rate_hz, base_rate_hz)?;
     let mut steps = vec![
         step("stop measuring".to_owned(), BASE, SET_IDLE, &[], acknowledged::<BASE, SET_IDLE>),
-        step(format!("ask whether the base rate is {base_rate_hz} Hz"), DM, BASE_RATE, &[SENSOR_DATA], has_base_rate),
+        step(
+            format!("ask whether the base rate is {base_rate_hz} Hz"),
+            DM,
+            BASE_RATE,
+            &[SENSOR_DATA],
+            has_base_rate,
+        ),
         step(
             format!("time, acceleration and angular rate, {rate_hz} Hz"),
             DM,
@@ -153,7 +164,9 @@ fn first_answer(received: &[u8], set: u8, command: u8, judge: impl Fn(Packet<'_>
             .find(|field| packet.set == set && field.descriptor == ACKNOWLEDGEMENT && is_it(field.data));
         answer = match (&answer, acknowledgement.map(|field| field.data)) {
             (Answer::NotYet, Some(&[_, 0])) => judge(packet),
-            (Answer::NotYet, Some(&[_, code])) => Answer::Refused(format!("error {code:#04x}, {}", error_text(code))),
+            (Answer::NotYet, Some(&[_, code])) => {
+                Answer::Refused(format!("error {code:#04x}, {}", error_text(code)))
+            }
             _ => return,
         };
     });
@@ -225,7 +238,8 @@ mod tests {
     #[test]
     fn another_base_rate_stops_the_plan_before_anything_is_set() {
         let answer = |rate: [u8; 2]| {
-            let fields = [4, ACKNOWLEDGEMENT, BASE_RATE, 0, 5, BASE_RATE_REPLY, SENSOR_DATA, rate[0], rate[1]];
+            let fields =
+                [4, ACKNOWLEDGEMENT, BASE_RATE, 0, 5, BASE_RATE_REPLY, SENSOR_DATA, rate[0], rate[1]];
             // The frame of one field, with its first length and descriptor in the place of the payload's first field.
             let mut packet = command(DM, ACKNOWLEDGEMENT, &fields[2..]);
             packet[4] = 4;

@@ -123,7 +123,12 @@ fn change_baud(baud: u32) -> Result<[Step; 2], ConfigureError> {
         let expected = BAUD_CODES.map(|(baud, _)| baud.to_string()).join(", ");
         return Err(refusal("baud", baud.to_string(), expected, "ask for one of these"));
     };
-    let set = step(format!("{baud} baud after the next start (saved)"), SET_BAUD_RATE, &[code], acknowledged::<0x19>);
+    let set = step(
+        format!("{baud} baud after the next start (saved)"),
+        SET_BAUD_RATE,
+        &[code],
+        acknowledged::<0x19>,
+    );
     let mut reset = step("start again and measure".to_owned(), RESET, &[], acknowledged::<0x41>);
     reset.baud_after = Some(baud);
     Ok([set, reset])
@@ -197,7 +202,10 @@ mod tests {
         let steps = plan(&request(100.0, Some(460_800))).expect("offered").steps;
         let ids: Vec<u8> = steps.iter().map(|step| step.bytes[2]).collect();
         assert_eq!(ids, [GO_TO_CONFIG, SET_OUTPUT_CONFIGURATION, SET_BAUD_RATE, RESET]);
-        assert_eq!(steps.iter().map(|step| step.baud_after).collect::<Vec<_>>(), [None, None, None, Some(460_800)]);
+        assert_eq!(
+            steps.iter().map(|step| step.baud_after).collect::<Vec<_>>(),
+            [None, None, None, Some(460_800)]
+        );
     }
 
     #[test]
@@ -238,6 +246,9 @@ mod tests {
         for data in [&[][..], &[1, 2, 3], &[0; 33 * 4]] {
             assert_eq!(OutputConfiguration::parse(data), None);
         }
-        assert_eq!(OutputConfiguration::parse(&[0x80, 0x2C, 0, 100]).and_then(|all| all.rate_of(0x8020)), Some(100));
+        assert_eq!(
+            OutputConfiguration::parse(&[0x80, 0x2C, 0, 100]).and_then(|all| all.rate_of(0x8020)),
+            Some(100)
+        );
     }
 }

@@ -188,10 +188,7 @@ impl Content {
             ));
         }
         let instead = if self.seen_increments { "increments (07, 08) only" } else { "no such data" };
-        for (seen, what) in [
-            (self.seen_omega, "angular rate (05)"),
-            (self.seen_force, "acceleration (04)"),
-        ] {
+        for (seen, what) in [(self.seen_omega, "angular rate (05)"), (self.seen_force, "acceleration (04)")] {
             if self.sensor_packets > 0 && !seen {
                 notes.push(format!("{instead}: the message format of set 80 lacks {what}"));
             }

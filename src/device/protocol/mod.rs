@@ -28,6 +28,20 @@ pub struct DeviceTime {
     pub wraps_after_us: Option<u64>,
 }
 
+impl DeviceTime {
+    /// Time since `before` by this clock, µs: the nearest the counter allows, negative when it has gone back.
+    pub fn micros_since(self, before: DeviceTime) -> i64 {
+        let step_us = self.micros.wrapping_sub(before.micros) as i64;
+        match self.wraps_after_us.and_then(|wrap_us| i64::try_from(wrap_us).ok()) {
+            Some(wrap_us) if wrap_us > 0 => {
+                let ahead_us = step_us.rem_euclid(wrap_us);
+                if ahead_us > wrap_us / 2 { ahead_us - wrap_us } else { ahead_us }
+            }
+            _ => step_us,
+        }
+    }
+}
+
 /// One sample of an IMU as its protocol states it, converted to SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImuReading {

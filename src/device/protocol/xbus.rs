@@ -198,7 +198,9 @@ impl Content {
             notes.push(format!("the device reported error {code:#04x}: {}", error_text(code)));
         }
         if seen.legacy {
-            notes.push("the device sends MTData, which does not tell its layout: set it to MTData2".to_owned());
+            notes.push(
+                "the device sends MTData, which does not tell its layout: set it to MTData2".to_owned(),
+            );
         }
         if seen.packets && !seen.omega {
             let instead = if seen.delta_q { "orientation increments (8030) only" } else { "no rotation" };

@@ -61,8 +61,8 @@ pub fn detect(path: &Path) -> Result<FileKind, DeviceError> {
     Ok(kind_of(path, start))
 }
 
-/// Opens a recording as a link. `kind` overrides what the content looks like. A text log without `stamp_line` and a
-/// raw capture are stamped by the time their bytes take at `baud`.
+/// Opens a recording as a link. `kind` overrides what the content looks like. A raw capture is stamped by the device's
+/// clock; one without, and a text log without `stamp_line`, by the time their bytes take at `baud`.
 ///
 /// # Errors
 /// Missing, unreadable or empty file, or an MCAP recording, which has a command of its own.

@@ -1,7 +1,7 @@
 //! Packets of MIP: how they are found in a stream, cut up and built.
 
 use super::field;
-use crate::device::protocol::frames::{FrameScanner, Look};
+use crate::device::protocol::frames::{FrameScanner, Look, hides_a_frame};
 
 const SYNC: [u8; 2] = [0x75, 0x65];
 /// Synchronisation, descriptor set, length.
@@ -92,9 +92,20 @@ fn fields_fit(set: u8, shown: &[u8], length: usize) -> bool {
 
 /// What the bytes at the front of the buffer are.
 ///
-/// A packet that cannot end as its fields say is given up as soon as they say so: a length damaged on the line does not
-/// hold up the packets behind it.
+/// A packet that cannot end as its fields say, or that hides a good one, is given up as soon as that is seen: a length
+/// damaged on the line does not hold up the packets behind it.
 pub(super) fn look(bytes: &[u8]) -> Look {
+    match look_at_one(bytes) {
+        found @ (Look::Incomplete | Look::Frame(_)) => {
+            let end = if let Look::Frame(end) = found { end } else { bytes.len() };
+            let inside = bytes.get(HEAD..end).unwrap_or_default();
+            if hides_a_frame(inside, &SYNC, look_at_one) { Look::Damaged } else { found }
+        }
+        found => found,
+    }
+}
+
+fn look_at_one(bytes: &[u8]) -> Look {
     let known = bytes.len().min(SYNC.len());
     if bytes[..known] != SYNC[..known] {
         return Look::NoFrame;

@@ -36,11 +36,8 @@ impl SampleClock {
         } else if ticks < NEAR && (DAY_TURN - NEAR..DAY_TURN).contains(&last) {
             self.turn = DAY_TURN;
         }
-        let ahead = (ticks + self.turn - last % self.turn) % self.turn;
-        let back = if ahead > self.turn / 2 { self.turn } else { 0 };
-        let step_us = (ahead as i64 - back as i64) * TICK_US as i64;
-        let wraps_after_us = Some(self.turn * TICK_US);
-        (DeviceTime { micros: ticks * TICK_US, wraps_after_us }, step_us)
+        let at = |ticks| DeviceTime { micros: ticks * TICK_US, wraps_after_us: Some(self.turn * TICK_US) };
+        (at(ticks), at(ticks).micros_since(at(last)))
     }
 }
 

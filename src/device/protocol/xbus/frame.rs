@@ -1,7 +1,7 @@
 //! Messages of Xbus: how they are found in a stream, cut up and built.
 
 use super::{kind, number};
-use crate::device::protocol::frames::{FrameScanner, Look};
+use crate::device::protocol::frames::{FrameScanner, Look, hides_a_frame};
 
 const PREAMBLE: u8 = 0xFA;
 /// Bus identifier of the one device on the line.
@@ -25,6 +25,12 @@ pub(super) const MT_DATA: u8 = 0x32;
 pub(super) const WAKE_UP: u8 = 0x3E;
 /// The device refuses a command, or has failed.
 pub(in crate::device) const ERROR: u8 = 0x42;
+/// The settings, sent at the start.
+const CONFIGURATION: u8 = 0x0D;
+/// Answer to a command that reads or sets the output configuration: up to 32 entries of 4 bytes.
+const OUTPUT_CONFIGURATION: u8 = 0xC1;
+/// Most data bytes of another answer: a product code has 20.
+const LONGEST_OTHER_ANSWER: usize = 24;
 /// The device measures.
 pub(super) const GO_TO_MEASUREMENT_ACK: u8 = 0x11;
 
@@ -96,27 +102,48 @@ fn items_fit(shown: &[u8], length: usize) -> bool {
     at == length
 }
 
-/// The data lengths a message of the device may have; `None` for what only a host sends.
+/// The data lengths a message of the device may have; none for what only a host sends.
 ///
-/// The answer to a command has the command's identifier plus one, which is odd.
+/// The answer to a command has the command's identifier plus one, which is odd. Of those without a length of their own
+/// here, only short ones are taken: by chance every other message identifier is odd, and a long one that is none would
+/// hold up several packets.
 fn allows(id: u8, length: usize) -> bool {
     match id {
         MT_DATA2 => (ITEM_HEAD..=LONGEST_DATA).contains(&length),
+        MT_DATA => length <= LONGEST_PLAIN_DATA,
         WAKE_UP => length <= 4,
         ERROR => (1..=16).contains(&length),
-        MT_DATA => length <= LONGEST_PLAIN_DATA,
-        _ => id % 2 == 1 && length <= LONGEST_PLAIN_DATA,
+        CONFIGURATION => (118..=LONGEST_PLAIN_DATA).contains(&length),
+        OUTPUT_CONFIGURATION => length <= 128 && length.is_multiple_of(4),
+        _ => id % 2 == 1 && length <= LONGEST_OTHER_ANSWER,
     }
+}
+
+/// Whether a message identifier is one of the device's own.
+fn is_of_device(id: u8) -> bool {
+    matches!(id, MT_DATA2 | MT_DATA | WAKE_UP | ERROR) || id % 2 == 1
 }
 
 /// What the bytes at the front of the buffer are.
 ///
-/// A message that cannot end as its items say is given up as soon as they say so: a length damaged on the line does not
-/// hold up the messages behind it.
+/// A message that cannot end as its items say, or that hides a good one, is given up as soon as that is seen: a length
+/// damaged on the line does not hold up the messages behind it.
 pub(super) fn look(bytes: &[u8]) -> Look {
+    match look_at_one(bytes) {
+        found @ (Look::Incomplete | Look::Frame(_)) => {
+            let end = if let Look::Frame(end) = found { end } else { bytes.len() };
+            let inside = bytes.get(4..end).unwrap_or_default();
+            let hides = hides_a_frame(inside, &[PREAMBLE, MASTER, MT_DATA2], look_at_one);
+            if hides { Look::Damaged } else { found }
+        }
+        found => found,
+    }
+}
+
+fn look_at_one(bytes: &[u8]) -> Look {
     let (id, start, length) = match *bytes {
         [PREAMBLE] | [PREAMBLE, MASTER] => return Look::Incomplete,
-        [PREAMBLE, MASTER, id] if allows(id, 3) => return Look::Incomplete,
+        [PREAMBLE, MASTER, id] if is_of_device(id) => return Look::Incomplete,
         [PREAMBLE, MASTER, MT_DATA2, EXTENDED] => return Look::Incomplete,
         [PREAMBLE, MASTER, MT_DATA2, EXTENDED, high] if usize::from(high) << 8 <= LONGEST_DATA => {
             return Look::Incomplete;

@@ -78,9 +78,14 @@ fn every_number_format_and_the_high_rate_items_give_the_same_sample() {
         item(id, &values.map(number).concat())
     };
     // The upper two of the lowest four bits are the axes of orientations.
-    for (gyro, accelerometer) in
-        [(0x8020, 0x4020), (0x8021, 0x4021), (0x8022, 0x4022), (0x8023, 0x4023), (0x8040, 0x4040), (0x802F, 0x4026)]
-    {
+    for (gyro, accelerometer) in [
+        (0x8020, 0x4020),
+        (0x8021, 0x4021),
+        (0x8022, 0x4022),
+        (0x8023, 0x4023),
+        (0x8040, 0x4040),
+        (0x802F, 0x4026),
+    ] {
         let items = [write(accelerometer, expected.1), write(gyro, expected.0)];
         let (readings, _) = decode(&[packet(0, 0, &items)]);
         assert_eq!(readings.len(), 1, "{gyro:04x}");
@@ -91,7 +96,9 @@ fn every_number_format_and_the_high_rate_items_give_the_same_sample() {
 
 #[test]
 fn only_axes_of_accelerometer_and_gyroscope_count_as_clipped() {
-    for (word, clipped) in [(0u32, false), (1 << 8, true), (1 << 13, true), (1 << 14, false), (1 << 19, false)] {
+    for (word, clipped) in
+        [(0u32, false), (1 << 8, true), (1 << 13, true), (1 << 14, false), (1 << 19, false)]
+    {
         let items = [floats(0x4020, [0.0; 3]), floats(0x8020, [0.0; 3]), item(0xE020, &word.to_be_bytes())];
         assert_eq!(decode(&[packet(0, 0, &items)]).0[0].clipped, clipped, "{word:08x}");
     }
