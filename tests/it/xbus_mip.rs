@@ -2,6 +2,7 @@
 
 mod captures;
 mod damage;
+mod peer;
 mod vectors;
 
 use otolith::device::Traffic;

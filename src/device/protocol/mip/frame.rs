@@ -99,7 +99,7 @@ pub(super) fn look(bytes: &[u8]) -> Look {
         found @ (Look::Incomplete | Look::Frame(_)) => {
             let end = if let Look::Frame(end) = found { end } else { bytes.len() };
             let inside = bytes.get(HEAD..end).unwrap_or_default();
-            if hides_a_frame(inside, &SYNC, look_at_one) { Look::Damaged } else { found }
+            if hides_a_frame(inside, SYNC, look_at_one) { Look::Damaged } else { found }
         }
         found => found,
     }

@@ -67,7 +67,7 @@ fn gps_time_serves_where_there_is_no_reference_time() {
 fn only_axes_of_accelerometer_and_gyroscope_count_as_clipped() {
     for (flags, clipped) in [(0u16, false), (1, true), (0x40, true), (0x100, false), (0x1000, false)] {
         let flags = (0x18, flags.to_be_bytes().to_vec());
-        let (readings, _) = decode(&[packet(0x80, &[&motion()[..], &[flags.clone()]].concat())]);
+        let (readings, _) = decode(&[packet(0x80, &[&motion()[..], std::slice::from_ref(&flags)].concat())]);
         assert_eq!(readings[0].clipped, clipped, "{flags:?}");
     }
 }

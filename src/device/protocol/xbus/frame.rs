@@ -133,7 +133,7 @@ pub(super) fn look(bytes: &[u8]) -> Look {
         found @ (Look::Incomplete | Look::Frame(_)) => {
             let end = if let Look::Frame(end) = found { end } else { bytes.len() };
             let inside = bytes.get(4..end).unwrap_or_default();
-            let hides = hides_a_frame(inside, &[PREAMBLE, MASTER, MT_DATA2], look_at_one);
+            let hides = hides_a_frame(inside, [PREAMBLE, MASTER, MT_DATA2], look_at_one);
             if hides { Look::Damaged } else { found }
         }
         found => found,
