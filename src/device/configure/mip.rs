@@ -36,7 +36,8 @@ const REFERENCE_TIME: u8 = 0xD5;
 const ACCELERATION: u8 = 0x04;
 const ANGULAR_RATE: u8 = 0x05;
 
-/// Base rate a plan is made for when nothing else is known, Hz: that of CV7, GQ7, GX5-15 and GX5-25.
+/// Base rate a plan is made for when nothing else is known, Hz: an assumption, which the device is asked about before
+/// anything is changed.
 const USUAL_BASE_RATE_HZ: u16 = 1000;
 /// Rate without one in the request, Hz: the vendor's examples have it, and it divides every base rate.
 const USUAL_RATE_HZ: f64 = 100.0;
@@ -45,7 +46,7 @@ const BYTES_PER_SAMPLE: f64 = 44.0;
 
 type Judge = fn(&[u8]) -> Answer;
 
-/// Base rates there are, Hz.
+/// Base rates a plan can be made for, Hz.
 const BASE_RATES: [(u16, Judge); 3] =
     [(1000, base_rate_is::<1000>), (500, base_rate_is::<500>), (100, base_rate_is::<100>)];
 
@@ -63,10 +64,10 @@ pub fn plan(request: &Request) -> Result<Plan, ConfigureError> {
     plan_for_base_rate(request, USUAL_BASE_RATE_HZ)
 }
 
-/// [`plan`] for a device with a base rate of 1000, 500 (GX5-45, GX4) or 100 Hz (GX3).
+/// [`plan`] for a device with a base rate of 1000, 500 or 100 Hz.
 ///
 /// # Errors
-/// As [`plan`], and [`ConfigureError::NotOffered`] for a base rate there is not.
+/// As [`plan`], and [`ConfigureError::NotOffered`] for another base rate.
 pub fn plan_for_base_rate(request: &Request, base_rate_hz: u16) -> Result<Plan, ConfigureError> {
     let Some(&(_, has_base_rate)) = BASE_RATES.iter().find(|(rate, _)| *rate == base_rate_hz) else {
         let expected = BASE_RATES.map(|(rate, _)| rate.to_string()).join(", ");

@@ -26,7 +26,7 @@
 //!
 //! Other messages are packets without samples: 3E WakeUp, 42 Error, and the answers to commands, whose MID is odd.
 //!
-//! Source: MT Low Level Communication Protocol Documentation (MT0101P), sections 2 (messages), 5.3 (MTData2).
+//! Source: MT Low Level Communication Protocol Documentation (MT0101P), as in `spec/devices.md`, section 3.2.
 
 use nalgebra::Vector3;
 
