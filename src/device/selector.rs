@@ -9,7 +9,7 @@ use super::mock::MockParams;
 use super::replay::FileKind;
 use super::slcan;
 
-/// Baud rate of a `serial:` selector without `baud`, and of raw captures: our protocol's 1 kHz needs it.
+/// Baud rate of a `serial:` selector without `baud`, and of raw captures without a device's clock: our protocol's 1 kHz needs it.
 pub const DEFAULT_BAUD: u32 = 921_600;
 /// Baud rates accepted: from the slowest modem to the fastest USB bridge in use.
 const BAUD_RANGE: std::ops::RangeInclusive<u32> = 300..=12_000_000;
@@ -59,7 +59,7 @@ pub enum Selector {
         path: PathBuf,
         /// What the file holds; `None` to find out from its content.
         kind: Option<FileKind>,
-        /// Baud rate a raw capture was taken at, bit/s.
+        /// Baud rate a raw capture was taken at, bit/s: its time, where the device tells none.
         baud: u32,
     },
     /// A simulated device.

@@ -14,6 +14,7 @@ mod recording;
 mod refusals;
 mod reproduce;
 mod terminal;
+mod xbus_mip;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};

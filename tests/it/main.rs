@@ -41,3 +41,4 @@ mod observer_laws;
 mod probe;
 #[cfg(unix)]
 mod pty;
+mod xbus_mip;

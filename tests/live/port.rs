@@ -9,7 +9,7 @@ use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
 /// The device's end of a pseudo-terminal.
 pub(super) struct Port {
-    master: OwnedFd,
+    pub(super) master: OwnedFd,
 }
 
 impl Port {

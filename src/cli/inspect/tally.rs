@@ -23,8 +23,8 @@ pub(super) struct Tally {
     without_time: u64,
     /// Arrival of the first and of the last sample.
     arrivals: Option<(HostTime, HostTime)>,
-    /// The device's clock at the last sample that carried it, µs.
-    last_us: Option<u64>,
+    /// The device's clock at the last sample that carried it.
+    last_time: Option<DeviceTime>,
     /// Time by the device's clock since its first sample, µs.
     device_us: i64,
     /// Intervals between samples, by the device's clock where both have one, else by arrival.
@@ -110,12 +110,7 @@ impl Tally {
 
     /// Follows the device's clock through its wraps; a step back is one. Gives the step, s.
     fn device_time(&mut self, time: DeviceTime) -> Option<f64> {
-        let last_us = self.last_us.replace(time.micros)?;
-        let mut step_us = time.micros.wrapping_sub(last_us) as i64;
-        if let Some(wrap_us) = time.wraps_after_us.map(|wrap_us| wrap_us as i64).filter(|us| *us > 0) {
-            step_us = step_us.rem_euclid(wrap_us);
-            step_us -= if step_us > wrap_us / 2 { wrap_us } else { 0 };
-        }
+        let step_us = time.micros_since(self.last_time.replace(time)?);
         self.device_us = self.device_us.saturating_add(step_us);
         Some(step_us as f64 * 1e-6)
     }

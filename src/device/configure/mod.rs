@@ -3,10 +3,12 @@
 //! One file per protocol turns a [`Request`] into a [`Plan`] of bytes to write and answers to wait for; it is pure.
 
 mod apply;
+pub mod mip;
 mod native;
 mod request;
 pub mod vectornav;
 pub mod witmotion;
+pub mod xbus;
 
 pub use apply::apply;
 
@@ -82,9 +84,11 @@ impl Plan {
 type Planner = fn(&Request) -> Result<Plan, ConfigureError>;
 
 /// The protocols with commands.
-const PLANNERS: [(&str, Planner); 3] = [
+const PLANNERS: [(&str, Planner); 5] = [
     (detect::OTOLITH_SERIAL, native::plan),
     (detect::VECTORNAV, vectornav::plan),
+    (detect::MIP, mip::plan),
+    (detect::XBUS, xbus::plan),
     (detect::WITMOTION, witmotion::plan),
 ];
 

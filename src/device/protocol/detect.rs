@@ -3,12 +3,14 @@
 use super::bno08x_rvc::Bno08xRvcDecoder;
 use super::can_map::can_map_names;
 use super::mavlink::MavlinkDecoder;
+use super::mip::MipDecoder;
 use super::native_can::NativeCanDecoder;
 use super::native_serial::NativeSerialDecoder;
 use super::openimu::OpenImuDecoder;
 use super::vectornav::VectorNavDecoder;
 use super::witmotion::can::WitMotionCanDecoder;
 use super::witmotion::serial::WitMotionDecoder;
+use super::xbus::XbusDecoder;
 use super::{DecodeCounters, DeviceInfo, ImuReading, PacketDecoder, SyncEstimate};
 use crate::device::{DeviceError, Selector, Traffic};
 
@@ -28,6 +30,10 @@ pub const WITMOTION_CAN: &str = "witmotion-can";
 pub const VECTORNAV: &str = "vectornav";
 /// MAVLink 2 and 1.
 pub const MAVLINK: &str = "mavlink";
+/// MicroStrain inertial sensors.
+pub const MIP: &str = "mip";
+/// Xsens (Movella) MTi on a serial line.
+pub const XBUS: &str = "xbus";
 /// Lines of text, described by a mapping file.
 pub const TEXT: &str = "text";
 /// CAN frames, described by a DBC file and a mapping.
@@ -84,10 +90,22 @@ pub const PROTOCOLS: &[Protocol] = &[
         make: Some(|| Box::new(MavlinkDecoder::new())),
     },
     Protocol {
+        name: MIP,
+        bus: Bus::Serial,
+        certain_after: Some(3),
+        make: Some(|| Box::new(MipDecoder::new())),
+    },
+    Protocol {
         name: OPENIMU,
         bus: Bus::Serial,
         certain_after: Some(3),
         make: Some(|| Box::new(OpenImuDecoder::new())),
+    },
+    Protocol {
+        name: XBUS,
+        bus: Bus::Serial,
+        certain_after: Some(8),
+        make: Some(|| Box::new(XbusDecoder::new())),
     },
     Protocol {
         name: BNO08X_RVC,

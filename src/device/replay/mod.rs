@@ -78,8 +78,8 @@ pub fn first_line(path: &Path) -> Result<Vec<u8>, DeviceError> {
     Ok(lines.into_iter().find(|line| !line.is_empty()).unwrap_or_default().to_vec())
 }
 
-/// Opens a recording as a link. `kind` overrides what the content looks like. A text log without `stamp_line` and a
-/// raw capture are stamped by the time their bytes take at `baud`.
+/// Opens a recording as a link. `kind` overrides what the content looks like. A raw capture is stamped by the device's
+/// clock; one without, and a text log without `stamp_line`, by the time their bytes take at `baud`.
 ///
 /// # Errors
 /// Missing, unreadable or empty file, or an MCAP recording, which has a command of its own.
