@@ -1,6 +1,6 @@
 //! Times and clocks. The only file that reads a clock or sleeps.
 
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 /// Length of one control tick, s. The control rate is fixed at 1 kHz.
 pub const TICK_S: f64 = 1e-3;
@@ -85,6 +85,12 @@ impl Clock for SystemClock {
             std::thread::sleep(remaining);
         }
     }
+}
+
+/// How long ago `stamp` of the wall clock was; `None` when it lies in the future, because the clock was set back.
+#[allow(clippy::disallowed_methods)]
+pub fn age_of(stamp: SystemTime) -> Option<Duration> {
+    SystemTime::now().duration_since(stamp).ok()
 }
 
 /// The date and time now, UTC, as `20261122-163005`: for names of new folders.

@@ -20,6 +20,9 @@ pub const NODE_STRIDE: u16 = 0x10;
 /// The unit of tick and device time on CAN, µs.
 pub const TICK_US: u64 = 10;
 
+/// The messages as a DBC file (`otolith.dbc`), for tools and for generic decoders.
+pub const DBC: &str = include_str!("../otolith.dbc");
+
 /// Message = base identifier + offset.
 pub mod offset {
     /// Angular rate of a sample.

@@ -41,7 +41,8 @@ pub(crate) fn input_of<'a>(frames: impl IntoIterator<Item = (u32, bool, &'a [u8]
     input
 }
 
-fn decode(decoder: &mut dyn PacketDecoder, data: &[u8]) -> (Vec<[u64; 9]>, String) {
+/// What `decoder` makes of these events and their end.
+pub(crate) fn decode(decoder: &mut dyn PacketDecoder, data: &[u8]) -> (Vec<[u64; 9]>, String) {
     let (mut readings, mut bytes) = (Vec::new(), 0);
     for event in events(data) {
         decoder.push(event.traffic, &mut |reading| readings.push(bits(&reading)));

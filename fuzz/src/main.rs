@@ -10,6 +10,7 @@ use std::sync::OnceLock;
 use libfuzzer_sys as _;
 
 mod can;
+mod can_map;
 mod damage;
 mod files;
 mod firmware;
@@ -20,6 +21,7 @@ mod recording;
 mod replay;
 mod seeds;
 mod serial;
+mod slcan;
 mod strings;
 mod targets;
 mod text;

@@ -3,11 +3,12 @@
 use std::io::{BufReader, Cursor};
 use std::time::Duration;
 
-use otolith::device::replay::{CandumpReplay, RawReplay, TextReplay, parse_candump_line};
+use otolith::device::replay::{CandumpReplay, RawReplay, TextReplay, TlogReplay, parse_candump_line};
 use otolith::device::{Link, LinkError, LinkStatus, Traffic};
 use otolith::time::HostTime;
 
 use crate::input::Input;
+use crate::serial::{decode, decoder};
 
 const BAUD: u32 = 115_200;
 
@@ -91,4 +92,16 @@ pub(crate) fn raw(data: &[u8]) {
     for capacity in [1 << 16, other(input)] {
         assert_eq!(bytes(&play(open(capacity)).0), input.stream);
     }
+}
+
+/// How garbage is cut up depends on how much of the file is at hand; what the decoder finds in it does not.
+pub(crate) fn tlog(data: &[u8]) {
+    let input = Input::read(data);
+    let found = |capacity| {
+        let (pieces, _) = play(TlogReplay::new("log".to_owned(), file(input, capacity)));
+        assert!(bytes(&pieces).len() <= input.stream.len());
+        let pieces = pieces.iter().map(|(.., bytes)| bytes.as_slice());
+        decode(&mut decoder("mavlink", 0), pieces).counters.packets
+    };
+    assert_eq!(found(1 << 16), found(other(input)), "buffers make a difference");
 }

@@ -2,7 +2,7 @@
 
 use otolith::device::protocol::detect::{Bus, PROTOCOLS, decoder_by_name};
 
-use crate::{can, damage, files, firmware, recording, replay, seeds, serial, strings, text};
+use crate::{can, can_map, damage, files, firmware, recording, replay, seeds, serial, slcan, strings, text};
 
 /// Something that takes any bytes.
 pub(crate) struct Target {
@@ -33,11 +33,15 @@ pub(crate) fn all() -> Vec<Target> {
     targets.extend([
         target("recognise-serial", serial::recognise, seeds::streams),
         target("recognise-can", can::recognise, seeds::can_frames),
+        target("can-map", can_map::run, can_map::seeds),
+        target("can-map-files", can_map::files, can_map::file_seeds),
+        target("slcan", slcan::run, slcan::seeds),
         target("damage", damage::run, damage::seeds),
         target("text", text::run, seeds::logs_with_mappings),
         target("text-mapping", text::mapping, || seeds::texts_in("configs/logs")),
         target("replay-text", replay::text, seeds::logs),
         target("replay-candump", replay::candump, seeds::candump_logs),
+        target("replay-tlog", replay::tlog, seeds::streams),
         target("replay-raw", replay::raw, seeds::streams),
         target("recording", recording::run, recording::seeds),
         target("config", files::config, seeds::configs),

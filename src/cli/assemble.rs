@@ -3,11 +3,12 @@
 use std::sync::Arc;
 
 use super::failure::Failure;
-use crate::config::{Config, ConfigError};
+use crate::config::{Config, ConfigError, Sensor};
 use crate::device::configure::Plan;
 use crate::device::fault::FaultInjector;
 use crate::device::protocol::PacketDecoder;
-use crate::device::protocol::detect::{TEXT, decoder_by_name, decoder_for};
+use crate::device::protocol::can_map::CanMapDecoder;
+use crate::device::protocol::detect::{CAN_MAP, TEXT, decoder_by_name, decoder_for};
 use crate::device::protocol::text::{self, KnownLog, TextDecoder, TextMapping};
 use crate::device::replay::{self, FileKind};
 use crate::device::{self, DeviceError, LineStamper, Link, Selector, pacer::Paced};
@@ -42,13 +43,13 @@ pub(super) fn open_source(
         let map_file = map_file.or(known.map(|known| known.file.to_owned())).unwrap_or_default();
         check_text_log(selector, mapping, &map_file)?;
     }
-    let live = matches!(selector, Selector::Serial { .. } | Selector::Can { .. });
+    let live = matches!(selector, Selector::Serial { .. } | Selector::Can { .. } | Selector::Slcan { .. });
     if live && pace == Pace::Max {
         return Err(Failure::usage(format!(
             "{selector}: a device runs in real time, --pace max is for recordings and mocks\n\nhint: leave --pace out"
         )));
     }
-    let mut decoder = decoder(config.protocol.as_deref(), selector, sensor.mapping.as_ref())?;
+    let mut decoder = decoder(config.protocol.as_deref(), selector, &sensor)?;
     if config.allow_degraded {
         decoder.allow_degraded();
     }
@@ -91,12 +92,17 @@ fn plan<'a>(config: &Config, selector: &'a Selector) -> Result<Option<(&'a str, 
 pub(super) fn decoder(
     protocol: Option<&str>,
     selector: &Selector,
-    mapping: Option<&TextMapping>,
+    sensor: &Sensor,
 ) -> Result<Box<dyn PacketDecoder>, Failure> {
     let text_log = is_text_log(selector)?;
+    if let (Some(map), Some(CAN_MAP) | None) = (&sensor.can_map, protocol)
+        && !text_log
+    {
+        return Ok(Box::new(CanMapDecoder::new(map)));
+    }
     // A mapping is given for text only: a log, or a sketch that prints lines.
     let text_fits = text_log || matches!(selector, Selector::Serial { .. });
-    match (protocol, mapping) {
+    match (protocol, &sensor.mapping) {
         (Some(TEXT), Some(mapping)) => Ok(Box::new(TextDecoder::new(mapping))),
         (None, Some(mapping)) if text_fits => Ok(Box::new(TextDecoder::new(mapping))),
         (Some(TEXT), None) => Err(needs_mapping(selector)),

@@ -43,11 +43,13 @@ pub(super) fn show_status(
 
 /// One line on the state of a live run.
 fn status_line(line: &StatusLine) -> String {
+    let dropped = if line.dropped > 0 { format!(", {} dropped", line.dropped) } else { String::new() };
     let fallen = if line.green_fallen { " fallen (r + Enter stands it up)" } else { "" };
     format!(
-        "{:7.1} s  link {:<7}  chair {:6.1} rpm  green: gravity off by {:4.1} deg, sway {:4.1} deg{fallen}  blue: sway {:4.1} deg",
+        "{:7.1} s  link {:<7} sample {:4.0} ms old{dropped}  chair {:6.1} rpm  green: gravity off by {:4.1} deg, sway {:4.1} deg{fallen}  blue: sway {:4.1} deg",
         line.tick as f64 * 1e-3,
         format!("{:?}", line.link).to_lowercase(),
+        line.sample_age_s * 1e3,
         line.chair_rate / RAD_S_PER_RPM,
         line.green_tilt * DEG_PER_RAD,
         line.green_sway * DEG_PER_RAD,

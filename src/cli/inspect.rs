@@ -1,8 +1,10 @@
 //! `otolith inspect`: what a recording, a log or a raw capture holds.
 
+mod bus;
 mod inspection;
 mod tally;
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -12,9 +14,10 @@ use super::assemble::{decoder, known_log, line_stamper};
 use super::failure::{Failure, FailureKind};
 use super::replay::{damage_text, open};
 use super::show;
-use crate::config::{Config, ConfigError, SENSOR_LOG_MAP};
+use crate::config::{Config, ConfigError, SENSOR_CAN_DBC, SENSOR_CAN_MAP, SENSOR_LOG_MAP};
 use crate::device::protocol::PacketDecoder;
-use crate::device::protocol::detect::{TEXT, decoder_by_name, decoder_for};
+use crate::device::protocol::can_map::{CanMap, CanMapDecoder};
+use crate::device::protocol::detect::{CAN_MAP, TEXT, decoder_by_name, decoder_for};
 use crate::device::protocol::text::{TextDecoder, TextMapping};
 use crate::device::replay::{self, FileKind};
 use crate::device::{self, DeviceError, LinkError, Selector};
@@ -28,12 +31,15 @@ use tally::Tally;
     otolith inspect run.mcap\n  \
     otolith inspect capture.bin --protocol otolith-serial --json\n  \
     otolith inspect phyphox.csv\n  \
-    otolith inspect log.txt --log-map configs/logs/turntable-lsm9ds1.toml")]
+    otolith inspect log.txt --log-map configs/logs/turntable-lsm9ds1.toml\n  \
+    otolith inspect candump.log --map toyota-yaw\n  \
+    otolith inspect candump.log --map my-sensor.toml --dbc my-sensor.dbc\n\n\
+    Without --map a candump log of somebody else's bus is described: its identifiers, and the ready mappings that fit.")]
 pub(super) struct InspectArgs {
     /// The file.
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Protocol instead of finding it out, for example otolith-serial, witmotion, openimu, text.
+    /// Protocol instead of finding it out, for example otolith-serial, witmotion, text, can-map.
     #[arg(long, value_name = "NAME")]
     protocol: Option<String>,
     /// Columns of a text log.
@@ -42,6 +48,30 @@ pub(super) struct InspectArgs {
     /// Take what a device without a gyroscope gives (BNO08x UART-RVC: rates in steps of 1 deg/s).
     #[arg(long)]
     allow_degraded: bool,
+    /// What the signals on a CAN bus mean: a ready mapping or a file.
+    #[arg(long, value_name = "NAME|FILE.toml")]
+    map: Option<String>,
+    /// DBC file of that mapping, above its own.
+    #[arg(long, value_name = "FILE.dbc")]
+    dbc: Option<PathBuf>,
+}
+
+impl InspectArgs {
+    /// The flags as a configuration.
+    fn config(&self) -> Config {
+        Config {
+            log_map: self.log_map.clone(),
+            can_map: self.map.clone(),
+            dbc: self.dbc.clone(),
+            protocol: self.protocol.clone(),
+            ..Config::default()
+        }
+    }
+
+    /// A tally that proposes mappings unless one is given.
+    fn tally(&self) -> Tally {
+        if self.map.is_some() { Tally::default() } else { Tally::trying_can_maps() }
+    }
 }
 
 pub(super) fn run(args: &InspectArgs, json: bool) -> Result<ExitCode, Failure> {
@@ -58,21 +88,20 @@ pub(super) fn run(args: &InspectArgs, json: bool) -> Result<ExitCode, Failure> {
 
 /// A log or a raw capture, through its decoder.
 fn log(args: &InspectArgs) -> Result<Inspection, Failure> {
+    let config = args.config();
+    let mut sensor = config.sensor()?;
     let selector: Selector = format!("replay:{}", args.file.display()).parse()?;
-    let (log_map, protocol) = (args.log_map.clone(), args.protocol.clone());
-    let config = Config { log_map, protocol, ..Config::default() };
     let known = known_log(&config, &selector)?;
-    let mapping = match known {
-        Some(known) => Some(known.mapping().map_err(ConfigError::from)?),
-        None => config.sensor()?.mapping,
-    };
-    let mut decoder = decoder(args.protocol.as_deref(), &selector, mapping.as_ref())?;
+    if let Some(known) = known {
+        sensor.mapping = Some(known.mapping().map_err(ConfigError::from)?);
+    }
+    let mut decoder = decoder(args.protocol.as_deref(), &selector, &sensor)?;
     if args.allow_degraded {
         decoder.allow_degraded();
     }
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::start_now());
-    let mut link = device::open(&selector, &clock, mapping.as_ref().map(line_stamper))?;
-    let mut tally = Tally::default();
+    let mut link = device::open(&selector, &clock, sensor.mapping.as_ref().map(line_stamper))?;
+    let mut tally = args.tally();
     loop {
         match link.receive(Duration::ZERO) {
             Ok(Some((at, traffic))) => tally.take(decoder.as_mut(), at, traffic),
@@ -100,9 +129,10 @@ fn recording(args: &InspectArgs) -> Result<Inspection, Failure> {
         Some(header) => Config::from_toml(&header.config, &args.file.display().to_string())?,
         None => Config::default(),
     };
-    let recorded_map = recording.header().and_then(|header| header.models.get(SENSOR_LOG_MAP));
-    let mut decoder = decoder_of_recording(args, &config, recorded_map.map(String::as_str))?;
-    let mut tally = Tally::default();
+    let nothing = BTreeMap::new();
+    let recorded = recording.header().map_or(&nothing, |header| &header.models);
+    let mut decoder = decoder_of_recording(args, &config, recorded)?;
+    let mut tally = args.tally();
     for piece in recording.traffic()? {
         let piece = piece?;
         tally.take(decoder.as_mut(), piece.at, piece.traffic());
@@ -118,33 +148,38 @@ fn recording(args: &InspectArgs) -> Result<Inspection, Failure> {
     Ok(inspection)
 }
 
-/// The decoder for the traffic of a recording, from the flags or else from the recorded configuration and mapping.
+/// The decoder for the traffic of a recording, from the flags or else from the recorded configuration and mappings;
+/// `recorded` are the texts that the recording holds, by name.
 fn decoder_of_recording(
     args: &InspectArgs,
     config: &Config,
-    recorded_map: Option<&str>,
+    recorded: &BTreeMap<String, String>,
 ) -> Result<Box<dyn PacketDecoder>, Failure> {
     let selector: Selector = config.device.as_deref().unwrap_or("mock:chair").parse()?;
-    let mapping = match (&args.log_map, recorded_map) {
-        (Some(_), _) => log_mapping(args.log_map.clone())?,
-        (None, Some(text)) => Some(TextMapping::from_toml(SENSOR_LOG_MAP, text).map_err(ConfigError::from)?),
-        (None, None) => None,
-    };
+    let mut sensor = args.config().sensor()?;
+    if let (None, Some(text)) = (&sensor.mapping, recorded.get(SENSOR_LOG_MAP)) {
+        sensor.mapping = Some(TextMapping::from_toml(SENSOR_LOG_MAP, text).map_err(ConfigError::from)?);
+    }
+    let can = (recorded.get(SENSOR_CAN_MAP), recorded.get(SENSOR_CAN_DBC));
+    if let (None, (Some(map), Some(dbc))) = (&sensor.can_map, can) {
+        let can_map = CanMap::new(SENSOR_CAN_MAP, map, SENSOR_CAN_DBC, dbc).map_err(ConfigError::from)?;
+        sensor.can_map = Some(can_map);
+    }
     let protocol = args.protocol.as_deref().or(config.protocol.as_deref());
-    let mut decoder: Box<dyn PacketDecoder> = match (protocol, mapping) {
-        (Some(TEXT), Some(mapping)) => Box::new(TextDecoder::new(&mapping)),
-        (None, Some(mapping)) if matches!(selector, Selector::Replay { .. } | Selector::Serial { .. }) => {
-            Box::new(TextDecoder::new(&mapping))
+    let mut decoder: Box<dyn PacketDecoder> = match (protocol, &sensor.mapping, &sensor.can_map) {
+        (Some(CAN_MAP), _, Some(can_map)) => Box::new(CanMapDecoder::new(can_map)),
+        (Some(TEXT), Some(mapping), _) => Box::new(TextDecoder::new(mapping)),
+        (Some(name), _, _) => decoder_by_name(name)?,
+        (None, _, Some(can_map)) => Box::new(CanMapDecoder::new(can_map)),
+        (None, Some(mapping), None)
+            if matches!(selector, Selector::Replay { .. } | Selector::Serial { .. }) =>
+        {
+            Box::new(TextDecoder::new(mapping))
         }
-        (Some(name), _) => decoder_by_name(name)?,
-        (None, _) => decoder_for(&selector),
+        (None, _, None) => decoder_for(&selector),
     };
     if args.allow_degraded || config.allow_degraded {
         decoder.allow_degraded();
     }
     Ok(decoder)
-}
-
-fn log_mapping(file: Option<PathBuf>) -> Result<Option<TextMapping>, Failure> {
-    Ok(Config { log_map: file, ..Config::default() }.sensor()?.mapping)
 }

@@ -4,6 +4,7 @@ mod assemble;
 mod console;
 mod demo;
 mod devices;
+mod doctor;
 mod failure;
 mod inspect;
 mod outputs;
@@ -51,6 +52,7 @@ enum Command {
     Reproduce(reproduce::ReproduceArgs),
     Perceive(perceive::PerceiveArgs),
     Devices(devices::DevicesArgs),
+    Doctor(doctor::DoctorArgs),
     Inspect(inspect::InspectArgs),
 }
 
@@ -67,7 +69,8 @@ pub fn main() -> ExitCode {
             show::result(&summary, json)?;
             Ok(ExitCode::SUCCESS)
         }),
-        Command::Devices(_) => devices::run(json),
+        Command::Devices(args) => devices::run(args, json),
+        Command::Doctor(args) => doctor::run(args, json),
         Command::Inspect(args) => inspect::run(args, json),
     };
     result.unwrap_or_else(|failure| {

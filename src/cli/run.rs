@@ -16,7 +16,9 @@ use crate::vestibular::PRESET_NAMES;
 #[command(after_help = "Examples:\n  \
     otolith run --device serial:/dev/ttyUSB0?baud=921600 --out my-run\n  \
     otolith run --device can:can0 --duration-s 60 --record my-run.mcap\n  \
+    otolith run --device slcan:/dev/ttyACM0?bitrate=500000 --duration-s 60\n  \
     otolith run --device replay:log.txt --log-map configs/logs/turntable-lsm9ds1.toml --pace max --json\n  \
+    otolith run --device can:can0 --map racelogic-imu04 --duration-s 60\n  \
     otolith run --device mock:chair --rate-rpm 20 --pace max\n  \
     otolith run --scenario spin-30rpm-20s --pace max --out fall\n  \
     otolith run --device mock:chair --motion reach --print-config > my-run.toml\n\n\
@@ -59,7 +61,14 @@ struct SensorArgs {
     /// Columns of a text log.
     #[arg(long, value_name = "FILE.toml")]
     log_map: Option<PathBuf>,
-    /// Protocol of the device instead of finding it out, for example otolith-serial, witmotion, openimu, text.
+    /// What the signals on a CAN bus mean: a ready mapping (toyota-yaw, racelogic-imu04, bosch-mm5, bosch-mm7,
+    /// bosch-abs-kit, sbg, j1939-imu, xsens-mti-can, ...; `otolith inspect LOG` says which fit) or a file.
+    #[arg(long, value_name = "NAME|FILE.toml")]
+    map: Option<String>,
+    /// DBC file of that mapping, above its own.
+    #[arg(long, value_name = "FILE.dbc")]
+    dbc: Option<PathBuf>,
+    /// Protocol of the device instead of finding it out, for example otolith-serial, witmotion, text, can-map.
     #[arg(long, value_name = "NAME")]
     protocol: Option<String>,
     /// Set the device up first: rate=HZ, baud=N, save. Needs --protocol; without this flag nothing is changed on a device.
@@ -83,9 +92,11 @@ impl SensorArgs {
             (&mut config.log_map, &self.log_map),
             (&mut config.mount, &self.mount),
             (&mut config.calibration, &self.calibration),
+            (&mut config.dbc, &self.dbc),
         ] {
             *slot = flag.clone().or(slot.take());
         }
+        config.can_map = self.map.clone().or(config.can_map.take());
         config.protocol = self.protocol.clone().or(config.protocol.take());
         config.configure = self.configure.clone().or(config.configure.take());
         config.allow_degraded |= self.allow_degraded;

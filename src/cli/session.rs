@@ -14,7 +14,7 @@ use super::show;
 use crate::config::{Config, SENSOR_LOG_MAP};
 use crate::device::Selector;
 use crate::record::{Recorder, RecordingHeader};
-use crate::report::{Analysis, Caption, LinkCounters, RunFacts, Summary, TimingSummary, svg, table};
+use crate::report::{Analysis, Caption, LinkCounters, RunFacts, Summary, TimingSummary, rounded, svg, table};
 use crate::runtime::{
     Core, Journal, LiveRun, LiveStatus, RunOutcome, Signals, Source, SourceFacts, run_offline,
 };
@@ -211,7 +211,10 @@ impl Session {
                 gaps: outcome.resample.gaps,
                 dropped: outcome.dropped,
             },
-            timing: TimingSummary::new(&outcome.times, simulated_s, wall_s, outcome.overruns),
+            timing: TimingSummary {
+                max_sample_age_ms: outcome.max_sample_age_s.map(|age_s| rounded(age_s * 1e3)),
+                ..TimingSummary::new(&outcome.times, simulated_s, wall_s, outcome.overruns)
+            },
         };
         let mut summary = Summary::new(run, analysis);
         summary.alignment = facts.alignment.and_then(|report| serde_json::to_value(report).ok());
@@ -252,7 +255,8 @@ impl Session {
         }
         let hint = match &self.selector {
             Selector::Replay { .. } => {
-                "`otolith inspect FILE` says what is in it; --protocol names a decoder, --log-map the columns of a text log"
+                "`otolith inspect FILE` says what is in it; --protocol names a decoder, --log-map the columns of a text log, --map the signals \
+                 of a CAN log"
             }
             _ => "check baud rate, wiring and protocol; `otolith devices` lists what is connected",
         };
@@ -287,6 +291,10 @@ fn device_facts(facts: &SourceFacts, outcome: &RunOutcome) -> serde_json::Value 
         "without_specific_force": facts.imu.missing_specific_force,
         "bus_errors": facts.link.bus_errors,
         "bus_off": facts.link.bus_off,
+        "bus_state": facts.link.bus_state,
+        "bus_faults": facts.link.bus_faults,
+        "overflowed": facts.link.overflowed,
+        "stamps_refused": facts.link.stamps_refused,
         "unsent": facts.link.unsent,
         "sync_offset_us": facts.sync.map(|sync| sync.offset_us),
         "sync_round_trip_us": facts.sync.map(|sync| sync.round_trip_us),
@@ -294,6 +302,7 @@ fn device_facts(facts: &SourceFacts, outcome: &RunOutcome) -> serde_json::Value 
         "constant_delay_measured": facts.constant_delay.1,
         "losses": facts.link.losses,
         "reconnects": facts.link.reconnects,
+        "low_latency": facts.link.low_latency,
         "late_ticks": outcome.late_ticks,
         "stale_episodes": outcome.resample.stale_episodes,
         "lost_episodes": outcome.resample.lost_episodes,

@@ -3,16 +3,19 @@
 //! The effective configuration is written into each recording, so a recording needs nothing else. There are no
 //! environment variables.
 
+mod can_map;
 mod scenarios;
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
+pub use can_map::CanMapTexts;
 pub use scenarios::SCENARIO_NAMES;
 
 use crate::character::{CharacterModel, ModelError, STANDING_MJCF};
 use crate::device::DeviceError;
 use crate::device::fault::FaultPlan;
+use crate::device::protocol::can_map::{CanMap, CanMapError};
 use crate::device::protocol::text::{TextError, TextMapping};
 use crate::imu::{Calibration, ImuConfigError, ImuSettings, Mount};
 use crate::motion::{MOTION_NAMES, MotionError, MotionSettings, shipped_motion};
@@ -25,6 +28,10 @@ pub const SENSOR_MOUNT: &str = "sensor/mount.toml";
 pub const SENSOR_CALIBRATION: &str = "sensor/calibration.toml";
 /// Name of the text mapping's file in a recording.
 pub const SENSOR_LOG_MAP: &str = "sensor/log_map.toml";
+/// Name of the CAN mapping's file in a recording.
+pub const SENSOR_CAN_MAP: &str = "sensor/can_map.toml";
+/// Name of its DBC file in a recording, in UTF-8.
+pub const SENSOR_CAN_DBC: &str = "sensor/can.dbc";
 
 /// Everything a run can be told.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -40,6 +47,10 @@ pub struct Config {
     pub allow_degraded: bool,
     /// Mapping of the columns of a text log.
     pub log_map: Option<PathBuf>,
+    /// Mapping of the signals on a CAN bus: a ready one by its name, or a file.
+    pub can_map: Option<String>,
+    /// DBC file of the CAN mapping, above the one that it names itself.
+    pub dbc: Option<PathBuf>,
     /// Calibration of the sensor.
     pub calibration: Option<PathBuf>,
     /// Mounting of the sensor on the chair.
@@ -140,6 +151,20 @@ pub enum ConfigError {
     /// A bad mapping of a text log.
     #[error(transparent)]
     Text(#[from] TextError),
+    /// A bad mapping of CAN signals, or its DBC file.
+    #[error(transparent)]
+    CanMap(#[from] CanMapError),
+    /// A DBC file without the mapping that says what its signals are.
+    #[error(
+        "{}: a DBC file alone does not say which signals are gyro and accelerometer\n\nhint: name a mapping with --map: a \
+         ready one ({ready}), or a file like those in configs/can", dbc.display()
+    )]
+    DbcWithoutMap {
+        /// The DBC file.
+        dbc: PathBuf,
+        /// Names of the ready mappings.
+        ready: String,
+    },
     /// A bad model file.
     #[error(transparent)]
     Model(#[from] ModelError),
@@ -149,7 +174,7 @@ pub enum ConfigError {
     /// No device was named.
     #[error(
         "no device to read from\n\nhint: name one with --device, for example serial:/dev/ttyUSB0?baud=921600, can:can0, \
-         replay:FILE or mock:chair; `otolith devices` lists what is connected"
+         slcan:/dev/ttyACM0, replay:FILE or mock:chair; `otolith devices` lists what is connected"
     )]
     NoDevice,
 }
@@ -250,10 +275,16 @@ impl Config {
             (SENSOR_LOG_MAP, &self.log_map),
         ];
         let named = files.into_iter().filter_map(|(name, path)| path.as_ref().map(|path| (name, path)));
-        named.map(|(name, path)| Ok((name.to_owned(), read(path)?))).collect()
+        let mut texts: Vec<_> = named
+            .map(|(name, path)| Ok((name.to_owned(), read(path)?)))
+            .collect::<Result<_, ConfigError>>()?;
+        if let Some(can) = self.can_map_texts()? {
+            texts.extend([(SENSOR_CAN_MAP.to_owned(), can.map), (SENSOR_CAN_DBC.to_owned(), can.dbc)]);
+        }
+        Ok(texts)
     }
 
-    /// Calibration, mount and text mapping from their files.
+    /// Calibration, mount and mappings from their files.
     ///
     /// # Errors
     /// A file cannot be read or holds something impossible, for example a mirrored mount.
@@ -270,7 +301,8 @@ impl Config {
             Some(path) => Some(TextMapping::from_toml(&path.display().to_string(), &read(path)?)?),
             None => None,
         };
-        Ok(Sensor { calibration, mount, mapping })
+        let can_map = self.can_map_texts()?.map(|texts| texts.compile()).transpose()?;
+        Ok(Sensor { calibration, mount, mapping, can_map })
     }
 }
 
@@ -283,6 +315,8 @@ pub struct Sensor {
     pub mount: Mount,
     /// Columns of a text log.
     pub mapping: Option<TextMapping>,
+    /// Signals of a CAN bus.
+    pub can_map: Option<CanMap>,
 }
 
 fn read(path: &Path) -> Result<String, ConfigError> {

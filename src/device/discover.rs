@@ -3,6 +3,9 @@
 use serde::Serialize;
 use serialport::SerialPortType;
 
+use super::Selector;
+use super::find::{PortFinder, usb_at};
+
 /// Identity of a USB device.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct UsbIdentity {
@@ -89,6 +92,37 @@ pub fn discover() -> Vec<DiscoveredPort> {
     ports
 }
 
+/// What is known of the port `selector` names, which need not be in the list: a link to a port, a pseudo-terminal.
+pub fn describe(selector: &Selector) -> DiscoveredPort {
+    let ports = discover();
+    match selector {
+        Selector::Serial { port, .. } => {
+            let node = node_of(port);
+            DiscoveredPort {
+                selector: format!("serial:{port}"),
+                kind: PortKind::Serial { usb: usb_at(&ports, &node).cloned() },
+                access: access(&node),
+            }
+        }
+        Selector::Can { interface, .. } => {
+            let selector = format!("can:{interface}");
+            let listed = ports.into_iter().find(|port| port.selector == selector);
+            let down = PortKind::Can { up: false };
+            listed.unwrap_or(DiscoveredPort { selector, kind: down, access: Access::Granted })
+        }
+        other => DiscoveredPort {
+            selector: other.to_string(),
+            kind: PortKind::Serial { usb: None },
+            access: Access::Unknown,
+        },
+    }
+}
+
+/// The node that `port` of a `serial:` selector stands for: `port` itself unless it is a serial number.
+pub fn node_of(port: &str) -> String {
+    PortFinder::new(port, discover).open(|node| Ok(node.to_owned())).unwrap_or_else(|_| port.to_owned())
+}
+
 #[cfg(not(target_os = "linux"))]
 fn can_interfaces() -> Vec<DiscoveredPort> {
     Vec::new()
@@ -99,6 +133,8 @@ fn access(_port: &str) -> Access {
     Access::Unknown
 }
 
+#[cfg(target_os = "linux")]
+pub(super) use linux::is_up;
 #[cfg(target_os = "linux")]
 use linux::{access, can_interfaces};
 
@@ -127,15 +163,20 @@ mod linux {
             if read("type").trim() != CAN_HARDWARE_TYPE {
                 continue;
             }
-            let flags = read("flags");
-            let flags = u32::from_str_radix(flags.trim().trim_start_matches("0x"), 16).unwrap_or(0);
             found.push(DiscoveredPort {
                 selector: format!("can:{}", entry.file_name().to_string_lossy()),
-                kind: PortKind::Can { up: flags & UP_FLAG != 0 },
+                kind: PortKind::Can { up: is_up(&entry.path()) == Some(true) },
                 access: Access::Granted,
             });
         }
         found
+    }
+
+    /// Whether the network interface with this folder is up; `None` when there is none.
+    pub(in crate::device) fn is_up(interface: &Path) -> Option<bool> {
+        let flags = fs::read_to_string(interface.join("flags")).ok()?;
+        let flags = u32::from_str_radix(flags.trim().trim_start_matches("0x"), 16).ok()?;
+        Some(flags & UP_FLAG != 0)
     }
 
     pub(super) fn access(port: &str) -> Access {

@@ -77,7 +77,7 @@ pub enum DeviceError {
         hint: &'static str,
     },
     /// A recording that cannot be read.
-    #[error("{}: cannot read it: {source}\n\nhint: check the path; `replay:FILE` takes a text log, a candump log or raw bytes", path.display())]
+    #[error("{}: cannot read it: {source}\n\nhint: check the path; `replay:FILE` takes a text log, a candump log, a telemetry log (tlog) or raw bytes", path.display())]
     File {
         /// The file.
         path: PathBuf,
@@ -117,6 +117,15 @@ pub enum DeviceError {
     /// A device that cannot be set up as asked.
     #[error(transparent)]
     Configure(#[from] ConfigureError),
+    /// CAN frames without a description of their signals.
+    #[error(
+        "the protocol `can-map` needs a mapping of signals to quantities\n\nhint: name one with `--map NAME` (ready are \
+         {ready}) or `--map FILE.toml`; `otolith inspect LOG` says which ones fit a candump log"
+    )]
+    NeedsCanMap {
+        /// Names of the ready mappings.
+        ready: String,
+    },
     /// The serial line cannot carry what the device announces. See [`super::bandwidth`].
     #[error(
         "serial line too slow: {rate_hz} samples/s of at least {bytes_per_sample:.1} bytes are {load_percent:.0} % of \
@@ -134,6 +143,23 @@ pub enum DeviceError {
         /// Largest share accepted, percent.
         limit_percent: f64,
         /// The next baud or sample rate that fits.
+        hint: String,
+    },
+    /// The CAN bus cannot carry what the device announces. See [`super::bandwidth`].
+    #[error(
+        "CAN bus too slow: these frames take {least_percent:.0} to {most_percent:.0} % of {bitrate} bit/s, depending on \
+         their bits; the limit is {limit_percent:.0} %\n\nhint: {hint}"
+    )]
+    CanTooSlow {
+        /// Bit rate of the bus, bit/s.
+        bitrate: u32,
+        /// Share of the bus without stuffing, percent.
+        least_percent: f64,
+        /// Share of the bus with worst stuffing, percent.
+        most_percent: f64,
+        /// Largest share accepted, percent.
+        limit_percent: f64,
+        /// The next bit rate, or the share of the frames, that fits.
         hint: String,
     },
 }

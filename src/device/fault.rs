@@ -9,6 +9,10 @@ use super::buffer::TrafficBuffer;
 use super::{DeviceError, Link, LinkError, LinkStatus, Noise, Traffic};
 use crate::time::HostTime;
 
+mod wrong_baud;
+
+pub use wrong_baud::WrongBaud;
+
 /// A span of the run, in the time of the traffic's stamps.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -58,6 +62,8 @@ pub struct FaultPlan {
     pub stalls: Vec<FaultSpan>,
     /// Spans in which the connection is lost and so is all traffic.
     pub disconnects: Vec<FaultSpan>,
+    /// The host listens at the wrong speed: every piece of bytes is misread. The line is idle between pieces.
+    pub wrong_baud: Option<WrongBaud>,
 }
 
 impl FaultPlan {
@@ -82,7 +88,7 @@ impl FaultPlan {
             DeviceError::check_range("at_s", span.at_s, 0.0..=LONGEST_S)?;
             DeviceError::check_range("length_s", span.length_s, 0.0..=LONGEST_S)?;
         }
-        Ok(())
+        self.wrong_baud.map_or(Ok(()), |wrong| wrong.validate())
     }
 }
 
@@ -96,6 +102,8 @@ pub struct FaultInjector<L> {
     plan: FaultPlan,
     noise: Noise,
     piece: TrafficBuffer,
+    /// What the wrong baud rate makes of the piece.
+    misread: Vec<u8>,
     /// The piece in `piece` is due once more, with this stamp.
     again: Option<HostTime>,
     /// Latest stamp given out: a late piece holds up those behind it.
@@ -119,6 +127,7 @@ impl<L: Link> FaultInjector<L> {
             noise: Noise::new(plan.seed),
             plan,
             piece: TrafficBuffer::default(),
+            misread: Vec::new(),
             again: None,
             last: HostTime(0),
             down_until: HostTime(0),
@@ -153,6 +162,17 @@ impl<L: Link> FaultInjector<L> {
         self.last
     }
 
+    /// Reads the piece in hand at the wrong speed; false when nothing is left of it.
+    fn misread(&mut self) -> bool {
+        let (Some(wrong), Traffic::Bytes(sent)) = (&self.plan.wrong_baud, self.piece.traffic()) else {
+            return true;
+        };
+        self.misread.clear();
+        wrong.misread(sent, &mut self.misread);
+        self.piece.store(Traffic::Bytes(&self.misread));
+        !self.misread.is_empty()
+    }
+
     /// Flips bits of the piece in hand; true if there was at least one.
     fn flip_bits(&mut self) -> bool {
         let mut flipped = false;
@@ -175,7 +195,7 @@ impl<L: Link> Link for FaultInjector<L> {
         }
         let Some((at, traffic)) = self.link.receive(timeout)? else { return Ok(None) };
         self.piece.store(traffic);
-        if self.is_down(at) || self.noise.chance(self.plan.drop) {
+        if self.is_down(at) || self.noise.chance(self.plan.drop) || !self.misread() {
             return Ok(None);
         }
         let flipped = self.flip_bits();
@@ -200,6 +220,10 @@ impl<L: Link> Link for FaultInjector<L> {
             reconnects: inner.reconnects + self.reconnects,
             ..inner
         }
+    }
+
+    fn port(&self) -> Option<&str> {
+        self.link.port()
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! A [`Link`] delivers [`Traffic`] with its arrival time; a [`protocol::PacketDecoder`] turns it into
 //! [`protocol::ImuReading`]s. Live port, recording and mock differ only in the `Link`; reconnecting, recording, pacing
-//! and injecting faults are middleware over any of them, and every middleware forwards `send` and `status`.
+//! and injecting faults are middleware over any of them, and every middleware forwards `send`, `status` and `port`.
 
 use std::io;
 use std::sync::Arc;
@@ -15,17 +15,23 @@ mod buffer;
 pub mod can;
 pub mod configure;
 pub mod discover;
+pub mod doctor;
 mod error;
 pub mod fault;
+mod find;
+mod low_latency;
 pub mod mock;
 mod noise;
 pub mod pacer;
+pub mod probe;
 pub mod protocol;
 pub mod reconnect;
 pub mod recorder;
 pub mod replay;
 pub mod selector;
 pub mod serial;
+pub mod slcan;
+mod status;
 #[cfg(test)]
 mod testing;
 
@@ -33,6 +39,7 @@ pub use error::DeviceError;
 pub use noise::Noise;
 pub use replay::LineStamper;
 pub use selector::Selector;
+pub use status::LinkStatus;
 
 /// One piece of raw traffic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,28 +73,6 @@ pub enum LinkError {
     EndOfRecording,
 }
 
-/// State and losses of a link since it was opened. Read it after each `receive`; a change is an event to note.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-pub struct LinkStatus {
-    /// True while the connection is down and reopening is tried.
-    pub down: bool,
-    /// What the operating system said when the connection was last lost.
-    #[serde(skip)]
-    pub last_loss: Option<io::ErrorKind>,
-    /// Times the connection was lost.
-    pub losses: u64,
-    /// Times it was reopened after a loss. The decoder should then [`protocol::PacketDecoder::rejoin`].
-    pub reconnects: u64,
-    /// Bytes of a recording that are no traffic: malformed lines of a candump log.
-    pub bytes_skipped: u64,
-    /// Error frames of a CAN bus (of any class), and the read errors of an interface that is down.
-    pub bus_errors: u64,
-    /// The CAN error frames among `bus_errors` that said bus off.
-    pub bus_off: u64,
-    /// Writes that were given up because the device or bus did not take them in time.
-    pub unsent: u64,
-}
-
 /// A source of raw traffic.
 pub trait Link: Send {
     /// Waits at most `timeout` for the next piece of traffic.
@@ -110,6 +95,12 @@ pub trait Link: Send {
     fn status(&self) -> LinkStatus {
         LinkStatus::default()
     }
+
+    /// Name of the port that is open, or was last; it changes when the device turns up elsewhere after a loss. `None`
+    /// for what is no port.
+    fn port(&self) -> Option<&str> {
+        None
+    }
 }
 
 impl<L: Link + ?Sized> Link for Box<L> {
@@ -123,6 +114,10 @@ impl<L: Link + ?Sized> Link for Box<L> {
 
     fn status(&self) -> LinkStatus {
         (**self).status()
+    }
+
+    fn port(&self) -> Option<&str> {
+        (**self).port()
     }
 }
 
@@ -148,6 +143,15 @@ pub fn open(
             let opener = move || can::CanLink::open(&interface, Arc::clone(&reopen_clock));
             Ok(Box::new(reconnect::Reconnecting::open(opener, clock)?))
         }
+        Selector::Slcan { port, bitrate, baud, .. } => {
+            let (port, bitrate, baud, clock) = (port.clone(), *bitrate, *baud, Arc::clone(clock));
+            let reopen_clock = Arc::clone(&clock);
+            let opener = move || {
+                let line = serial::SerialLink::open(&port, baud, Arc::clone(&reopen_clock))?;
+                slcan::SlcanLink::open(line, &port, bitrate)
+            };
+            Ok(Box::new(reconnect::Reconnecting::open(opener, clock)?))
+        }
         Selector::Replay { path, kind, baud } => replay::open(path, *kind, *baud, stamp_line),
         Selector::Mock(params) => Ok(Box::new(mock::MockChair::new(params.clone())?)),
     }
@@ -165,15 +169,20 @@ pub fn open_serial(
     clock: &Arc<dyn Clock>,
     plan: Option<configure::Plan>,
 ) -> Result<Box<dyn Link>, DeviceError> {
-    let (port, link_clock) = (port.to_owned(), Arc::clone(clock));
     let kept_baud = plan.as_ref().and_then(|plan| plan.steps.iter().rev().find_map(|step| step.baud_after));
-    let open_at = move |baud: u32| {
-        let mut link = serial::SerialLink::open(&port, baud, Arc::clone(&link_clock))?;
+    let mut finder = find::PortFinder::new(port, discover::discover);
+    let link_clock = Arc::clone(clock);
+    let open_at = move |node: &str, baud: u32| {
+        let mut link = serial::SerialLink::open(node, baud, Arc::clone(&link_clock))?;
         if let Some(plan) = &plan {
-            configure::apply(&mut link, plan, link_clock.as_ref())?;
+            configure::apply(&mut link, node, plan, link_clock.as_ref())?;
         }
         Ok(link)
     };
-    let opener = move || open_at(baud).or_else(|error| kept_baud.map_or(Err(error), &open_at));
+    let opener = move || {
+        finder.open(|node| {
+            open_at(node, baud).or_else(|error| kept_baud.map_or(Err(error), |baud| open_at(node, baud)))
+        })
+    };
     Ok(Box::new(reconnect::Reconnecting::open(opener, Arc::clone(clock))?))
 }

@@ -66,6 +66,10 @@ impl<L: Link> Link for Paced<L> {
     fn status(&self) -> LinkStatus {
         self.link.status()
     }
+
+    fn port(&self) -> Option<&str> {
+        self.link.port()
+    }
 }
 
 #[cfg(test)]

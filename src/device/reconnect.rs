@@ -76,10 +76,7 @@ impl<L: Link, F: FnMut() -> Result<L, DeviceError> + Send> Reconnecting<L, F> {
         }
         // Only now is the lost link closed: `receive` had lent out its buffer when it failed.
         if let Some(dead) = self.link.take() {
-            let counted = dead.status();
-            self.past.bus_errors += counted.bus_errors;
-            self.past.bus_off += counted.bus_off;
-            self.past.unsent += counted.unsent;
+            self.past = dead.status().after(&self.past);
         }
         let now = self.clock.now();
         if now < self.outage.retry_at {
@@ -129,14 +126,13 @@ impl<L: Link, F: FnMut() -> Result<L, DeviceError> + Send> Link for Reconnecting
     }
 
     fn status(&self) -> LinkStatus {
+        let LinkStatus { down, last_loss, losses, reconnects, .. } = self.outage.status;
         let inner = self.link.as_ref().map(Link::status).unwrap_or_default();
-        LinkStatus {
-            bytes_skipped: inner.bytes_skipped,
-            bus_errors: self.past.bus_errors + inner.bus_errors,
-            bus_off: self.past.bus_off + inner.bus_off,
-            unsent: self.past.unsent + inner.unsent,
-            ..self.outage.status
-        }
+        LinkStatus { down, last_loss, losses, reconnects, ..inner.after(&self.past) }
+    }
+
+    fn port(&self) -> Option<&str> {
+        self.link.as_ref().and_then(Link::port)
     }
 }
 

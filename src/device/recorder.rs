@@ -41,6 +41,10 @@ impl<L: Link, S: TrafficSink> Link for Tap<L, S> {
     fn status(&self) -> LinkStatus {
         self.link.status()
     }
+
+    fn port(&self) -> Option<&str> {
+        self.link.port()
+    }
 }
 
 #[cfg(test)]

@@ -7,25 +7,30 @@ use std::str::FromStr;
 use super::DeviceError;
 use super::mock::MockParams;
 use super::replay::FileKind;
+use super::slcan;
 
-/// Baud rate of a `serial:` selector without `baud`, and of raw captures: our protocol's 1 kHz needs it.
+/// Baud rate of a `serial:` selector without `baud`, and of raw captures without a device's clock: our protocol's 1 kHz needs it.
 pub const DEFAULT_BAUD: u32 = 921_600;
 /// Baud rates accepted: from the slowest modem to the fastest USB bridge in use.
 const BAUD_RANGE: std::ops::RangeInclusive<u32> = 300..=12_000_000;
+/// Highest node number whose seven identifiers still fit in 11 bits: 0x3A0 + 0x10 × 69 + 6 = 0x7F6.
+const MAX_NODE: u8 = 69;
 
 /// A device, parsed. `Display` writes a selector that parses to the same value.
 ///
 /// | selector | means |
 /// |---|---|
 /// | `serial:PORT?baud=921600` | a serial port, 8N1 |
+/// | `serial:usb=SERIALNUMBER?baud=921600` | the serial port of the USB device with this serial number |
 /// | `can:IFACE?node=N` | a SocketCAN interface; without `node` the first node that describes itself |
-/// | `replay:FILE?kind=text\|candump\|raw&baud=N` | a recording; the kind is found from the content if not given |
+/// | `slcan:PORT?bitrate=500000&baud=115200&node=N` | a CAN bus behind a serial adapter that speaks slcan |
+/// | `replay:FILE?kind=text\|candump\|raw\|tlog&baud=N` | a recording; the kind is found from the content if not given |
 /// | `mock:chair?rate_rpm=30&spin_s=15...`, `mock:rest?rest_s=10...` | no hardware, keys of [`MockParams`] |
 #[derive(Clone, Debug, PartialEq)]
 pub enum Selector {
     /// A serial port, 8N1.
     Serial {
-        /// Path or name of the port.
+        /// Path or name of the port, or `usb=` and the serial number of its USB device.
         port: String,
         /// Baud rate, bit/s.
         baud: u32,
@@ -37,13 +42,24 @@ pub enum Selector {
         /// Node number of the IMU; `None` takes the first that describes itself.
         node: Option<u8>,
     },
+    /// A CAN bus behind a serial adapter that speaks slcan.
+    Slcan {
+        /// Path or name of the adapter's port.
+        port: String,
+        /// Bitrate of the bus, bit/s: one of [`slcan::codec::BITRATES`].
+        bitrate: u32,
+        /// Baud rate of the port, bit/s.
+        baud: u32,
+        /// Node number of the IMU; `None` takes the first that describes itself.
+        node: Option<u8>,
+    },
     /// A recorded file.
     Replay {
         /// The file.
         path: PathBuf,
         /// What the file holds; `None` to find out from its content.
         kind: Option<FileKind>,
-        /// Baud rate a raw capture was taken at, bit/s.
+        /// Baud rate a raw capture was taken at, bit/s: its time, where the device tells none.
         baud: u32,
     },
     /// A simulated device.
@@ -71,6 +87,7 @@ impl FromStr for Selector {
         match scheme {
             "serial" => serial(target, &options),
             "can" => can(target, &options),
+            "slcan" => slcan(target, &options),
             "replay" => replay(target, &options),
             "mock" => mock(target, &options),
             other => Err(problem(text, &format!("unknown scheme `{other}`"), SCHEMES_HINT.to_owned())),
@@ -78,7 +95,7 @@ impl FromStr for Selector {
     }
 }
 
-const SCHEMES_HINT: &str = "known: serial:/dev/ttyUSB0?baud=921600, can:can0, replay:FILE, mock:chair, mock:rest (`otolith devices` lists ports)";
+const SCHEMES_HINT: &str = "known: serial:/dev/ttyUSB0?baud=921600, can:can0, slcan:/dev/ttyACM0?bitrate=500000, replay:FILE, mock:chair, mock:rest (`otolith devices` lists ports)";
 
 /// The `key=value` pairs after the `?`, with the whole selector for error texts.
 struct Options<'a> {
@@ -117,11 +134,27 @@ impl<'a> Options<'a> {
         self.pairs.iter().find(|(name, _)| *name == key).map(|(_, value)| *value)
     }
 
-    fn baud(&self) -> Result<u32, DeviceError> {
-        let Some(text) = self.value("baud") else { return Ok(DEFAULT_BAUD) };
+    fn baud(&self, default: u32) -> Result<u32, DeviceError> {
+        let Some(text) = self.value("baud") else { return Ok(default) };
         text.parse().ok().filter(|baud| BAUD_RANGE.contains(baud)).ok_or_else(|| {
             let hint = "expected a whole number from 300 to 12000000, such as 115200 or 921600".to_owned();
             problem(self.selector, &format!("baud = `{text}` is not a baud rate"), hint)
+        })
+    }
+
+    fn bitrate(&self) -> Result<u32, DeviceError> {
+        let Some(text) = self.value("bitrate") else { return Ok(slcan::DEFAULT_BITRATE) };
+        text.parse().ok().filter(|bitrate| slcan::codec::BITRATES.contains(bitrate)).ok_or_else(|| {
+            let hint = format!("slcan knows {} bit/s", slcan::codec::bitrate_list());
+            problem(self.selector, &format!("bitrate = `{text}` is no bitrate of slcan"), hint)
+        })
+    }
+
+    fn node(&self) -> Result<Option<u8>, DeviceError> {
+        let Some(text) = self.value("node") else { return Ok(None) };
+        text.parse().ok().filter(|node| *node <= MAX_NODE).map(Some).ok_or_else(|| {
+            let hint = format!("expected a whole number from 0 to {MAX_NODE}");
+            problem(self.selector, &format!("node = `{text}` is not a node number"), hint)
         })
     }
 }
@@ -132,22 +165,22 @@ fn problem(selector: &str, problem: &str, hint: String) -> DeviceError {
 
 fn serial(target: &str, options: &Options<'_>) -> Result<Selector, DeviceError> {
     options.allow_only(&["baud"])?;
-    Ok(Selector::Serial { port: target.to_owned(), baud: options.baud()? })
+    Ok(Selector::Serial { port: target.to_owned(), baud: options.baud(DEFAULT_BAUD)? })
 }
-
-/// Highest node number whose seven identifiers still fit in 11 bits: 0x3A0 + 0x10 × 69 + 6 = 0x7F6.
-const MAX_NODE: u8 = 69;
 
 fn can(target: &str, options: &Options<'_>) -> Result<Selector, DeviceError> {
     options.allow_only(&["node"])?;
-    let node = match options.value("node") {
-        None => None,
-        Some(text) => Some(text.parse().ok().filter(|node| *node <= MAX_NODE).ok_or_else(|| {
-            let hint = format!("expected a whole number from 0 to {MAX_NODE}");
-            problem(options.selector, &format!("node = `{text}` is not a node number"), hint)
-        })?),
-    };
-    Ok(Selector::Can { interface: target.to_owned(), node })
+    Ok(Selector::Can { interface: target.to_owned(), node: options.node()? })
+}
+
+fn slcan(target: &str, options: &Options<'_>) -> Result<Selector, DeviceError> {
+    options.allow_only(&["bitrate", "baud", "node"])?;
+    Ok(Selector::Slcan {
+        port: target.to_owned(),
+        bitrate: options.bitrate()?,
+        baud: options.baud(slcan::DEFAULT_BAUD)?,
+        node: options.node()?,
+    })
 }
 
 fn replay(target: &str, options: &Options<'_>) -> Result<Selector, DeviceError> {
@@ -157,12 +190,13 @@ fn replay(target: &str, options: &Options<'_>) -> Result<Selector, DeviceError> 
         Some("text") => Some(FileKind::Text),
         Some("candump") => Some(FileKind::Candump),
         Some("raw") => Some(FileKind::Raw),
+        Some("tlog") => Some(FileKind::Tlog),
         Some(other) => {
-            let hint = "known kinds: text, candump, raw".to_owned();
+            let hint = "known kinds: text, candump, raw, tlog".to_owned();
             return Err(problem(options.selector, &format!("unknown kind `{other}`"), hint));
         }
     };
-    Ok(Selector::Replay { path: PathBuf::from(target), kind, baud: options.baud()? })
+    Ok(Selector::Replay { path: PathBuf::from(target), kind, baud: options.baud(DEFAULT_BAUD)? })
 }
 
 fn mock(target: &str, options: &Options<'_>) -> Result<Selector, DeviceError> {
@@ -186,6 +220,10 @@ impl fmt::Display for Selector {
             Selector::Serial { port, baud } => write!(f, "serial:{port}?baud={baud}"),
             Selector::Can { interface, node: None } => write!(f, "can:{interface}"),
             Selector::Can { interface, node: Some(node) } => write!(f, "can:{interface}?node={node}"),
+            Selector::Slcan { port, bitrate, baud, node } => {
+                write!(f, "slcan:{port}?bitrate={bitrate}&baud={baud}")?;
+                node.map_or(Ok(()), |node| write!(f, "&node={node}"))
+            }
             Selector::Replay { path, kind, baud } => {
                 // The options are always written, so that a `?` in the file name stays part of it.
                 write!(f, "replay:{}?", path.display())?;
@@ -215,8 +253,20 @@ mod tests {
             Selector::Serial { port: "/dev/ttyUSB0".into(), baud: 115_200 }
         );
         assert_eq!(parse("serial:COM3"), Selector::Serial { port: "COM3".into(), baud: DEFAULT_BAUD });
+        assert_eq!(
+            parse("serial:usb=FT4X7A?baud=115200"),
+            Selector::Serial { port: "usb=FT4X7A".into(), baud: 115_200 }
+        );
         assert_eq!(parse("can:can0"), Selector::Can { interface: "can0".into(), node: None });
         assert_eq!(parse("can:can0?node=2"), Selector::Can { interface: "can0".into(), node: Some(2) });
+        assert_eq!(
+            parse("slcan:/dev/ttyACM0?bitrate=250000&baud=1000000&node=3"),
+            Selector::Slcan { port: "/dev/ttyACM0".into(), bitrate: 250_000, baud: 1_000_000, node: Some(3) }
+        );
+        assert_eq!(
+            parse("slcan:COM4"),
+            Selector::Slcan { port: "COM4".into(), bitrate: 500_000, baud: 115_200, node: None }
+        );
         assert_eq!(
             parse("replay:../logs/a:b.txt"),
             Selector::Replay { path: "../logs/a:b.txt".into(), kind: None, baud: DEFAULT_BAUD }
@@ -238,10 +288,16 @@ mod tests {
             ("serial:/dev/ttyUSB0?baud=9600&baud=1200", "given twice"),
             ("serial:/dev/ttyUSB0?9600", "has no value"),
             ("can:can0?node=70", "from 0 to 69"),
-            ("replay:a.bin?kind=pcap", "known kinds: text, candump, raw"),
+            ("replay:a.bin?kind=pcap", "known kinds: text, candump, raw, tlog"),
             ("mock:table", "known mocks"),
             ("mock:chair?rpm=3", "rate_rpm"),
             ("mock:chair?spin_s=-1", "spin_s"),
+            ("slcan:/dev/ttyACM0?bitrate=1000", "slcan knows 10000, 20000"),
+            ("slcan:/dev/ttyACM0?bitrate=S6", "bitrate = `S6`"),
+            ("slcan:/dev/ttyACM0?baud=9", "not a baud rate"),
+            ("slcan:/dev/ttyACM0?node=70", "0 to 69"),
+            ("slcan:/dev/ttyACM0?rate=1", "known options here: bitrate, baud, node"),
+            ("slcan:", "nothing after the scheme"),
             ("mock:chair?spin_s=NaN", "spin_s"),
             ("mock:chair?noise=maybe", "expected 0 or 1"),
         ] {
@@ -254,12 +310,14 @@ mod tests {
         #[test]
         fn display_parses_to_the_same_selector(
             port in "[a-zA-Z0-9/_.?:-]{1,20}", baud in 300u32..12_000_000, node in proptest::option::of(0u8..=69),
+            bitrate in proptest::sample::select(&slcan::codec::BITRATES[..]),
             rate_rpm in -80.0..80.0f64, seed: u64, noise: bool,
         ) {
             let mock = MockParams { rate_rpm, seed, noise, ..MockParams::chair() };
             for selector in [
                 Selector::Serial { port: port.clone(), baud },
                 Selector::Can { interface: "can0".into(), node },
+                Selector::Slcan { port: port.clone(), bitrate, baud, node },
                 Selector::Replay { path: port.clone().into(), kind: Some(FileKind::Raw), baud },
                 Selector::Replay { path: port.into(), kind: None, baud },
                 Selector::Mock(mock),

@@ -4,9 +4,11 @@ use std::io::{self, Read, Write};
 use std::sync::Arc;
 use std::time::Duration;
 
-use serialport::{DataBits, ErrorKind, FlowControl, Parity, SerialPort, StopBits};
+use serialport::{
+    ClearBuffer, DataBits, ErrorKind, FlowControl, Parity, SerialPort, SerialPortBuilder, StopBits,
+};
 
-use super::configure::Line;
+use super::probe::Tunable;
 use super::{DeviceError, Link, LinkError, LinkStatus, Traffic};
 use crate::time::{Clock, HostTime};
 
@@ -22,6 +24,8 @@ const WRITE_TIMEOUT: Duration = Duration::from_millis(20);
 pub struct SerialLink {
     name: String,
     port: Box<dyn SerialPort>,
+    baud: u32,
+    low_latency: bool,
     clock: Arc<dyn Clock>,
     buffer: Box<[u8; BUFFER_BYTES]>,
     unsent: u64,
@@ -33,21 +37,34 @@ impl std::fmt::Debug for SerialLink {
     }
 }
 
+/// Opens a port, and whether its driver has agreed to hand bytes on at once.
+#[cfg(target_os = "linux")]
+fn open_port(builder: SerialPortBuilder) -> serialport::Result<(Box<dyn SerialPort>, bool)> {
+    let port = builder.open_native()?;
+    let low_latency = super::low_latency::request(&port);
+    Ok((Box::new(port), low_latency))
+}
+
+#[cfg(not(target_os = "linux"))]
+fn open_port(builder: SerialPortBuilder) -> serialport::Result<(Box<dyn SerialPort>, bool)> {
+    Ok((builder.open()?, false))
+}
+
 impl SerialLink {
-    /// Opens `name` at `baud` bit/s.
+    /// Opens `name` at `baud` bit/s and asks its driver for low latency.
     ///
     /// # Errors
     /// Missing port (with the ports that exist), no permission, in use, or what else the system said.
     pub fn open(name: &str, baud: u32, clock: Arc<dyn Clock>) -> Result<Self, DeviceError> {
-        let port = serialport::new(name, baud)
+        let builder = serialport::new(name, baud)
             .data_bits(DataBits::Eight)
             .parity(Parity::None)
             .stop_bits(StopBits::One)
             .flow_control(FlowControl::None)
-            .timeout(Duration::ZERO)
-            .open()
-            .map_err(|error| open_error(name, &error))?;
-        Ok(Self { name: name.to_owned(), port, clock, buffer: Box::new([0; BUFFER_BYTES]), unsent: 0 })
+            .timeout(Duration::ZERO);
+        let (port, low_latency) = open_port(builder).map_err(|error| open_error(name, &error))?;
+        let buffer = Box::new([0; BUFFER_BYTES]);
+        Ok(Self { name: name.to_owned(), port, baud, low_latency, clock, buffer, unsent: 0 })
     }
 
     fn lost(&self, source: io::Error) -> LinkError {
@@ -64,16 +81,6 @@ impl SerialLink {
             Err(error) if is_silence(&error) => Ok(0),
             Err(error) => Err(self.lost(error)),
         }
-    }
-}
-
-impl Line for SerialLink {
-    fn port(&self) -> &str {
-        &self.name
-    }
-
-    fn change_baud(&mut self, baud: u32) -> Result<(), LinkError> {
-        self.port.set_baud_rate(baud).map_err(|error| self.lost(error.into()))
     }
 }
 
@@ -115,8 +122,31 @@ impl Link for SerialLink {
     }
 
     fn status(&self) -> LinkStatus {
-        LinkStatus { unsent: self.unsent, ..LinkStatus::default() }
+        LinkStatus { unsent: self.unsent, low_latency: self.low_latency, ..LinkStatus::default() }
     }
+
+    fn port(&self) -> Option<&str> {
+        Some(&self.name)
+    }
+}
+
+impl Tunable for SerialLink {
+    fn set_baud(&mut self, baud: u32) -> bool {
+        if baud != self.baud {
+            if self.port.set_baud_rate(baud).is_err() {
+                return false;
+            }
+            self.baud = baud;
+            // What stays in the buffer is only misread once more.
+            let _kept = self.port.clear(ClearBuffer::Input);
+        }
+        true
+    }
+}
+
+/// True when `port` is the name of a pseudo-terminal, which has no speed.
+pub fn is_pseudo_terminal(port: &str) -> bool {
+    std::fs::canonicalize(port).is_ok_and(|path| path.starts_with("/dev/pts"))
 }
 
 fn open_error(name: &str, error: &serialport::Error) -> DeviceError {

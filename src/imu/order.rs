@@ -1,6 +1,6 @@
 //! Readings that come twice, or after a newer one.
 
-use crate::device::protocol::{DeviceTime, ImuReading};
+use crate::device::protocol::ImuReading;
 
 /// A reading up to this far behind the newest may have been overtaken; further back the clock was set, µs.
 const LATEST_US: i64 = 1_000_000;
@@ -29,7 +29,7 @@ impl OrderWatch {
     /// Judges a reading. Equal stamps with different values are a coarse clock, not a repetition.
     pub(super) fn judge(&mut self, reading: &ImuReading) -> Place {
         let times = self.newest.and_then(|newest| newest.device_time).zip(reading.device_time);
-        let behind_us = times.map_or(0, |(newest, now)| behind_us(newest, now));
+        let behind_us = times.map_or(0, |(newest, now)| newest.micros_since(now));
         if (1..=LATEST_US).contains(&behind_us) && self.late_in_a_row + 1 < STEP_AFTER {
             self.late_in_a_row += 1;
             return Place::Late;
@@ -43,21 +43,12 @@ impl OrderWatch {
     }
 }
 
-/// How far `now` is behind `newest`, µs, the shorter way round where the counter wraps.
-fn behind_us(newest: DeviceTime, now: DeviceTime) -> i64 {
-    let behind = i128::from(newest.micros) - i128::from(now.micros);
-    let behind = match now.wraps_after_us.map(i128::from) {
-        Some(period) if period > 0 => (behind + period / 2).rem_euclid(period) - period / 2,
-        _ => behind,
-    };
-    i64::try_from(behind).unwrap_or(i64::MAX)
-}
-
 #[cfg(test)]
 mod tests {
     use nalgebra::Vector3;
 
     use super::*;
+    use crate::device::protocol::DeviceTime;
 
     fn judge(readings: &[(u64, f64)], wraps_after_us: Option<u64>) -> Vec<Place> {
         let mut watch = OrderWatch::default();

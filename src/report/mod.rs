@@ -18,7 +18,7 @@ pub mod verdict;
 
 pub use metrics::{CharacterMetrics, Window, Windows};
 pub use spins::Spin;
-pub use summary::{ChairSummary, LinkCounters, RunFacts, Summary, TimingSummary};
+pub use summary::{ChairSummary, LinkCounters, RunFacts, Summary, TimingSummary, rounded};
 pub use svg::Caption;
 pub use timing::TickTimes;
 pub use trace::{Character, Trace};

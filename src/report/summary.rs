@@ -63,13 +63,22 @@ pub struct TimingSummary {
     pub tick_us: TickPercentiles,
     /// Ticks skipped because their time had passed.
     pub overruns: u64,
+    /// Largest age of the newest sample at a tick, ms, in a live run: how far the device fell behind.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_sample_age_ms: Option<f64>,
 }
 
 impl TimingSummary {
     /// The timing of a run of `simulated_s` that took `wall_s`.
     pub fn new(times: &TickTimes, simulated_s: f64, wall_s: f64, overruns: u64) -> Self {
         let realtime_factor = if wall_s > 0.0 { rounded(simulated_s / wall_s) } else { 0.0 };
-        Self { ticks: times.count(), realtime_factor, tick_us: times.percentiles(), overruns }
+        Self {
+            ticks: times.count(),
+            realtime_factor,
+            tick_us: times.percentiles(),
+            overruns,
+            max_sample_age_ms: None,
+        }
     }
 }
 

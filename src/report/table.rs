@@ -41,8 +41,15 @@ pub fn render(summary: &Summary, colour: bool) -> String {
     let timing = &summary.timing;
     let _ = writeln!(
         out,
-        "ticks   {}, {:.1} x real time, {:.0} us median, {:.0} us max, {} overruns",
-        timing.ticks, timing.realtime_factor, timing.tick_us.p50, timing.tick_us.max, timing.overruns
+        "ticks   {}, {:.1} x real time, {:.0} us median, {:.0} us max, {} overruns{}",
+        timing.ticks,
+        timing.realtime_factor,
+        timing.tick_us.p50,
+        timing.tick_us.max,
+        timing.overruns,
+        timing
+            .max_sample_age_ms
+            .map_or_else(String::new, |age| format!("\nage     newest sample {age:.0} ms at most"))
     );
     let heading = |code, name: &str| paint(code, format!("{name:>14}"));
     let _ = writeln!(out, "\n{:<34}{}{}", "", heading(GREEN, "green"), heading(BLUE, "blue"));

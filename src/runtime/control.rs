@@ -39,6 +39,8 @@ pub(super) struct Tally {
     overruns: u64,
     /// Ticks lost to a full queue since the last one that went through.
     ticks_lost: u32,
+    /// Largest age of the newest sample at a tick, s; `None` before the first sample.
+    max_sample_age_s: Option<f64>,
 }
 
 impl ControlLoop {
@@ -83,8 +85,17 @@ impl ControlLoop {
             overruns: self.tally.overruns,
             late_ticks: self.tally.late_ticks,
             dropped: resample.dropped,
+            max_sample_age_s: self.tally.max_sample_age_s,
             resample,
         }
+    }
+
+    /// Notes how old the newest sample is: an age that grows is a device that falls behind or is silent.
+    fn note_age(&mut self) {
+        let Some(newest) = self.resampler.newest() else { return };
+        let age_s = self.clock.now().saturating_since(newest).as_secs_f64();
+        self.tally.max_sample_age_s = Some(self.tally.max_sample_age_s.map_or(age_s, |max| max.max(age_s)));
+        self.status.store_backlog(age_s, self.notes.lost_so_far());
     }
 
     /// One tick; false when the source has ended and its last sample has been used.
@@ -92,6 +103,9 @@ impl ControlLoop {
         let ended = self.source_ended.load(Ordering::Acquire);
         while let Ok(sample) = self.samples.try_recv() {
             self.resampler.push(sample);
+        }
+        if !ended {
+            self.note_age();
         }
         if ended && self.resampler.newest().is_none_or(|newest| newest < at) {
             return false;

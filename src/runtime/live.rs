@@ -1,5 +1,5 @@
-//! Live: a receiving thread, the 1 kHz control thread, a recording thread. Bounded queues between them drop and count;
-//! nothing ever blocks control.
+//! Live: a receiving thread, the 1 kHz control thread, a recording thread. Bounded queues between them drop and count,
+//! that of the samples its oldest; nothing ever blocks control.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -125,7 +125,7 @@ impl LiveRun {
         std::thread::scope(|scope| {
             let writer = scope.spawn(move || write_journal(&entries, journal));
             let receiver = {
-                let sink = ReceiveSink::new(samples_in, notes.clone());
+                let sink = ReceiveSink::new(samples_in, samples_out.clone(), notes.clone());
                 let (signals, ended) = (signals.clone(), source_ended.clone());
                 scope.spawn(move || receive(source, sink, &signals, &ended))
             };

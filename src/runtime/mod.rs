@@ -38,8 +38,10 @@ pub struct RunOutcome {
     pub overruns: u64,
     /// Ticks that ran later than one tick after their time.
     pub late_ticks: u64,
-    /// Samples, ticks and pieces of traffic that a full queue swallowed.
+    /// Samples, ticks and pieces of traffic that a full queue lost.
     pub dropped: u64,
+    /// Largest age of the newest sample at a tick, s; `None` without samples, and offline, where nothing ages.
+    pub max_sample_age_s: Option<f64>,
     /// Counters of the resampler.
     pub resample: ResampleCounters,
 }

@@ -68,6 +68,7 @@ pub fn run_offline(
         overruns: 0,
         late_ticks: 0,
         dropped: resample.dropped,
+        max_sample_age_s: None,
         resample,
     })
 }

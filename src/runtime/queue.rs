@@ -56,9 +56,14 @@ impl Notes {
         sent
     }
 
-    /// Counts something that another full queue has swallowed.
+    /// Counts something that another full queue has lost.
     pub(super) fn count_lost(&self) {
         self.lost.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Everything lost so far.
+    pub(super) fn lost_so_far(&self) -> u64 {
+        self.lost.load(Ordering::Relaxed)
     }
 
     /// The counter of everything lost, which outlives the queue.

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use crossbeam_channel::{Sender, TrySendError};
+use crossbeam_channel::{Receiver, Sender, TrySendError};
 
 use super::live::Signals;
 use super::queue::{Entry, Notes, OwnedTraffic};
@@ -43,14 +43,28 @@ pub(super) fn receive(
 /// Where a live source's output goes.
 pub(super) struct ReceiveSink {
     samples: Sender<HeadSample>,
+    /// The far end of the queue of samples: where the oldest is taken out when it is full.
+    oldest: Receiver<HeadSample>,
     notes: Notes,
     /// Pieces of traffic lost since the last one that went through.
     traffic_lost: u32,
 }
 
 impl ReceiveSink {
-    pub(super) fn new(samples: Sender<HeadSample>, notes: Notes) -> Self {
-        Self { samples, notes, traffic_lost: 0 }
+    /// A sink whose samples go into the queue `samples`, of which `oldest` is the far end.
+    pub(super) fn new(samples: Sender<HeadSample>, oldest: Receiver<HeadSample>, notes: Notes) -> Self {
+        Self { samples, oldest, notes, traffic_lost: 0 }
+    }
+
+    /// Puts a sample into the queue. Control needs what is true now: a full queue loses its oldest sample, so that a
+    /// stall leaves a gap behind and not a delay ahead.
+    fn hand_over(&mut self, mut sample: HeadSample) {
+        while let Err(TrySendError::Full(returned)) = self.samples.try_send(sample) {
+            if self.oldest.try_recv().is_ok() {
+                self.notes.count_lost();
+            }
+            sample = returned;
+        }
     }
 
     /// Leaves word of lost traffic at the place where it is missing.
@@ -76,13 +90,36 @@ impl SourceSink for ReceiveSink {
     }
 
     fn sample(&mut self, sample: HeadSample) {
-        if matches!(self.samples.try_send(sample), Err(TrySendError::Full(_))) {
-            self.notes.count_lost();
-        }
+        self.hand_over(sample);
         self.notes.note(Entry::Sample(sample));
     }
 
     fn event(&mut self, at: HostTime, text: &str) {
         self.notes.note(Entry::Event(at, text.to_owned()));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crossbeam_channel::bounded;
+    use nalgebra::Vector3;
+
+    use super::*;
+    use crate::vestibular::HeadMotion;
+
+    const STILL: HeadMotion =
+        HeadMotion { omega_head: Vector3::new(0.0, 0.0, 0.0), gif_head: Vector3::new(0.0, 0.0, -9.81) };
+
+    #[test]
+    fn a_full_queue_loses_its_oldest_samples_and_counts_them() {
+        let (samples_in, samples_out) = bounded(4);
+        let (notes, _entries) = Notes::queue();
+        let lost = notes.lost();
+        let mut sink = ReceiveSink::new(samples_in, samples_out.clone(), notes);
+        for at in 0..10 {
+            sink.sample(HeadSample { at: HostTime(at), motion: STILL });
+        }
+        let left: Vec<u64> = samples_out.try_iter().map(|sample| sample.at.0).collect();
+        assert_eq!((left, lost.load(Ordering::Relaxed)), (vec![6, 7, 8, 9], 6));
     }
 }

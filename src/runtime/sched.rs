@@ -1,4 +1,4 @@
-//! Real-time scheduling of the control thread. The only module with `unsafe`: the standard library and our
+//! Real-time scheduling of the control thread. The only module of this layer with `unsafe`: the standard library and our
 //! dependencies have no safe call for the scheduling policy.
 
 use std::time::Duration;

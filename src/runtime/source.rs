@@ -3,6 +3,8 @@
 use std::time::Duration;
 
 use super::trouble::{Change, Counts, Trouble, TroubleWatch};
+use crate::device::can::bus::BusState;
+use crate::device::protocol::detect::OTOLITH_CAN;
 use crate::device::protocol::{DecodeCounters, ImuReading, PacketDecoder, SyncEstimate};
 use crate::device::{DeviceError, Link, LinkError, LinkStatus, Traffic, bandwidth};
 use crate::imu::{AlignmentReport, ClockMode, HeadSample, ImuCounters, ImuPipeline};
@@ -40,6 +42,10 @@ pub struct Source {
     /// Baud rate of a real serial line, to hold against the rate the device announces.
     baud: Option<u32>,
     status: LinkStatus,
+    /// Bit rate of the CAN bus, where it is known.
+    can_bitrate: Option<u32>,
+    /// Name of the port when it was last open.
+    port: Option<String>,
     /// Rate the device announced, Hz.
     announced_hz: Option<f64>,
     /// Least bytes a sample took on the line so far.
@@ -65,11 +71,13 @@ impl Source {
         baud: Option<u32>,
     ) -> Self {
         Self {
+            port: link.port().map(str::to_owned),
             link,
             decoder,
             pipeline,
             baud,
             status: LinkStatus::default(),
+            can_bitrate: None,
             announced_hz: None,
             least_bytes: f64::INFINITY,
             line_checked: false,
@@ -87,6 +95,13 @@ impl Source {
     /// The troubles present now, gravest first.
     pub fn troubles(&self) -> impl Iterator<Item = Trouble> {
         self.troubles.present()
+    }
+
+    /// The same on a CAN bus of this bit rate: the rate that our own device announces is held against it.
+    #[must_use]
+    pub fn on_can_bus(mut self, bitrate: u32) -> Self {
+        self.can_bitrate = Some(bitrate);
+        self
     }
 
     /// Waits at most `timeout` for traffic and passes on what it means.
@@ -142,15 +157,21 @@ impl Source {
             sink.event(self.last_at, &format!("connection lost{why}; trying to reopen"));
         }
         if status.reconnects > self.status.reconnects {
-            sink.event(self.last_at, "connection is back");
+            let port = self.link.port().map(str::to_owned);
+            let elsewhere = port.as_ref().filter(|_| port != self.port);
+            let where_ = elsewhere.map_or_else(String::new, |port| format!(", found again as {port}"));
+            sink.event(self.last_at, &format!("connection is back{where_}"));
+            self.port = port;
             self.decoder.rejoin();
         }
+        self.note_bus_changes(&status, sink);
         self.status = status;
         let at = self.last_at;
         let counts = Counts { decode: self.decoder.counters(), link: status, imu: self.pipeline.counters() };
         self.troubles.look(at, &counts, |change| match change {
             // Told above, with the reason.
-            Change::Begun(Trouble::ConnectionLost) | Change::Over(Trouble::ConnectionLost, _) => {}
+            Change::Begun(Trouble::ConnectionLost | Trouble::InterfaceDown | Trouble::BusOff)
+            | Change::Over(Trouble::ConnectionLost | Trouble::InterfaceDown | Trouble::BusOff, _) => {}
             Change::Begun(trouble) => sink.event(at, &format!("trouble: {}", trouble.name())),
             Change::Over(trouble, count) => sink.event(at, &format!("over: {count} {}", trouble.name())),
         });
@@ -173,12 +194,30 @@ impl Source {
         }
     }
 
+    /// Turns what a CAN bus and its controller say into events: each change of state, each kind of trouble once.
+    fn note_bus_changes(&self, status: &LinkStatus, sink: &mut dyn SourceSink) {
+        let (at, before) = (self.last_at, &self.status);
+        if status.bus_state != before.bus_state && status.bus_state != BusState::Unknown {
+            let state = status.bus_state;
+            sink.event(at, &format!("CAN controller: {state}{}", state.advice()));
+        }
+        for fault in status.bus_faults.without(before.bus_faults).iter() {
+            sink.event(at, &format!("CAN bus: {fault}"));
+        }
+        if status.stamps_refused > 0 && before.stamps_refused == 0 {
+            sink.event(at, "receive stamps of the kernel cannot be right; the time of reading is used");
+        }
+    }
+
     /// Holds the rate the device announces against what its line can carry: once, from the densest of its first frames.
     fn check_announcement(&mut self, sink: &mut dyn SourceSink) -> Result<(), DeviceError> {
         let Some(rate_hz) = self.decoder.announced_rate_hz() else { return Ok(()) };
         if self.announced_hz.replace(rate_hz) != Some(rate_hz) {
             self.pipeline.announce_rate(rate_hz);
             sink.event(self.last_at, &format!("device announces {rate_hz} samples/s"));
+        }
+        if let Some(bitrate) = self.can_bitrate.filter(|_| self.decoder.protocol() == OTOLITH_CAN) {
+            bandwidth::check_can(bitrate, &bandwidth::native_can_streams(rate_hz))?;
         }
         let (Some(baud), Some(bytes)) = (self.baud, self.decoder.wire_bytes_per_sample()) else {
             return Ok(());
@@ -244,82 +283,4 @@ pub struct SourceFacts {
 }
 
 #[cfg(test)]
-mod tests {
-    use otolith_firmware_protocol::MAX_FRAME;
-    use otolith_firmware_protocol::message::{Batch16, Hello, Message};
-    use otolith_firmware_protocol::stream::StreamEncoder;
-
-    use super::*;
-    use crate::device::protocol::native_serial::NativeSerialDecoder;
-    use crate::imu::{Calibration, ImuSettings, Mount};
-
-    /// Gives one frame at a time, then fails as a file does that cannot be read on.
-    struct Frames(Vec<Vec<u8>>, Vec<u8>);
-
-    impl Link for Frames {
-        fn receive(&mut self, _timeout: Duration) -> Result<Option<(HostTime, Traffic<'_>)>, LinkError> {
-            if self.0.is_empty() {
-                let source = std::io::ErrorKind::InvalidData.into();
-                return Err(LinkError::Lost { port: "log.bin".to_owned(), source });
-            }
-            self.1 = self.0.remove(0);
-            Ok(Some((HostTime(0), Traffic::Bytes(&self.1))))
-        }
-    }
-
-    struct Nowhere;
-
-    impl SourceSink for Nowhere {
-        fn traffic(&mut self, _at: HostTime, _traffic: Traffic<'_>) {}
-        fn sample(&mut self, _sample: HeadSample) {}
-        fn event(&mut self, _at: HostTime, _text: &str) {}
-    }
-
-    /// A device that announces 1 kHz and sends batches of these sizes.
-    fn batches(sizes: &[usize], baud: u32) -> Source {
-        let mut encoder = StreamEncoder::new();
-        let mut out = [0; MAX_FRAME];
-        let hello = Hello {
-            flags: 0,
-            device_id: 1,
-            firmware: 1,
-            rate_millihertz: 1_000_000,
-            gyro_scale: 1e-3,
-            accel_scale: 1e-3,
-            gyro_range_dps: 500,
-            accel_range_g: 4,
-            caps: 0,
-            name: b"batch",
-        };
-        let mut frames = vec![encoder.encode(&Message::Hello(hello), &mut out).unwrap().to_vec()];
-        for (k, &size) in sizes.iter().enumerate() {
-            let rows = vec![Batch16::row([0; 3], [0, 0, 9807]); size];
-            let batch = Message::Batch16(Batch16 { t_us: 1000 * k as u32, dt_us: 1000, rows: &rows });
-            frames.push(encoder.encode(&batch, &mut out).unwrap().to_vec());
-        }
-        let pipeline =
-            ImuPipeline::new(&ImuSettings::default(), Calibration::default(), Mount::default(), 9.81);
-        let link = Box::new(Frames(frames, Vec::new()));
-        Source::new(link, Box::new(NativeSerialDecoder::new()), pipeline, Some(baud))
-    }
-
-    fn poll_all(source: &mut Source) -> DeviceError {
-        loop {
-            if let Err(error) = source.poll(Duration::ZERO, &mut Nowhere) {
-                return error;
-            }
-        }
-    }
-
-    #[test]
-    fn short_batches_among_long_ones_are_no_reason_to_stop() {
-        let error = poll_all(&mut batches(&[1, 5, 5, 5, 5, 5, 1, 1, 1], 230_400));
-        assert!(matches!(error, DeviceError::File { .. }), "the end of the file, not the line: {error}");
-    }
-
-    #[test]
-    fn a_line_too_slow_for_the_announced_rate_is_refused() {
-        let error = poll_all(&mut batches(&[1, 1, 1, 1, 1, 1], 230_400));
-        assert!(matches!(error, DeviceError::SerialTooSlow { .. }), "{error}");
-    }
-}
+mod tests;

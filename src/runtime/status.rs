@@ -16,6 +16,8 @@ pub struct LiveStatus {
     green_sway: AtomicU64,
     blue_sway: AtomicU64,
     fallen: AtomicU8,
+    sample_age: AtomicU64,
+    dropped: AtomicU64,
     refusals: OnceLock<Vec<String>>,
 }
 
@@ -36,6 +38,10 @@ pub struct StatusLine {
     pub blue_sway: f64,
     /// True when green has fallen.
     pub green_fallen: bool,
+    /// Age of the newest sample when the tick began, s; zero before the first.
+    pub sample_age_s: f64,
+    /// Samples, ticks and pieces of traffic that full queues have lost so far.
+    pub dropped: u64,
 }
 
 impl LiveStatus {
@@ -49,6 +55,12 @@ impl LiveStatus {
         put(&self.blue_sway, output.blue.com_sway);
         self.fallen.store(u8::from(output.green.posture == Posture::Fallen), Ordering::Relaxed);
         self.tick.store(input.tick.0, Ordering::Relaxed);
+    }
+
+    /// Stores how old the newest sample is, s, and what full queues have lost so far.
+    pub(super) fn store_backlog(&self, sample_age_s: f64, dropped: u64) {
+        self.sample_age.store(sample_age_s.to_bits(), Ordering::Relaxed);
+        self.dropped.store(dropped, Ordering::Relaxed);
     }
 
     /// Stores, once and before the first tick, what the system refused the control thread.
@@ -74,6 +86,8 @@ impl LiveStatus {
             green_sway: value(&self.green_sway),
             blue_sway: value(&self.blue_sway),
             green_fallen: self.fallen.load(Ordering::Relaxed) != 0,
+            sample_age_s: value(&self.sample_age),
+            dropped: self.dropped.load(Ordering::Relaxed),
         }
     }
 }

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use crate::device::LinkStatus;
+use crate::device::can::bus::BusState;
 use crate::device::protocol::DecodeCounters;
 use crate::imu::ImuCounters;
 use crate::time::HostTime;
@@ -17,6 +18,8 @@ pub const QUIET: Duration = Duration::from_millis(250);
 pub enum Trouble {
     /// The port or interface is gone.
     ConnectionLost,
+    /// The CAN interface is down.
+    InterfaceDown,
     /// The controller has switched itself off the CAN bus.
     BusOff,
     /// The controller or the interface reports errors.
@@ -25,6 +28,8 @@ pub enum Trouble {
     DamagedPackets,
     /// Bytes that belong to no packet.
     StrayBytes,
+    /// Frames the kernel dropped because they were not taken in time.
+    Overflow,
     /// Packets that were sent and did not come.
     MissingPackets,
     /// Packets or samples that came twice, or after a newer one.
@@ -48,12 +53,14 @@ pub enum Trouble {
 }
 
 /// Every trouble, gravest first.
-pub const TROUBLES: [Trouble; 15] = [
+pub const TROUBLES: [Trouble; 17] = [
     Trouble::ConnectionLost,
+    Trouble::InterfaceDown,
     Trouble::BusOff,
     Trouble::BusErrors,
     Trouble::DamagedPackets,
     Trouble::StrayBytes,
+    Trouble::Overflow,
     Trouble::MissingPackets,
     Trouble::RepeatedPackets,
     Trouble::LoneHalves,
@@ -71,10 +78,12 @@ impl Trouble {
     pub fn name(self) -> &'static str {
         match self {
             Trouble::ConnectionLost => "connection lost",
+            Trouble::InterfaceDown => "interface down",
             Trouble::BusOff => "bus off",
             Trouble::BusErrors => "bus errors",
             Trouble::DamagedPackets => "damaged packets",
             Trouble::StrayBytes => "bytes of no packet",
+            Trouble::Overflow => "frames dropped by the kernel",
             Trouble::MissingPackets => "missing packets",
             Trouble::RepeatedPackets => "repeated or late packets",
             Trouble::LoneHalves => "half samples",
@@ -88,15 +97,27 @@ impl Trouble {
         }
     }
 
+    /// Whether it goes on although nothing more is counted.
+    fn lasts(self, link: &LinkStatus) -> bool {
+        match self {
+            Trouble::ConnectionLost => link.down,
+            Trouble::InterfaceDown => link.bus_state == BusState::InterfaceDown,
+            Trouble::BusOff => link.bus_state == BusState::BusOff,
+            _ => false,
+        }
+    }
+
     /// How often it has shown.
     fn count(self, counts: &Counts) -> u64 {
         let Counts { decode, link, imu } = counts;
         match self {
             Trouble::ConnectionLost => link.losses,
+            Trouble::InterfaceDown => u64::from(link.bus_state == BusState::InterfaceDown),
             Trouble::BusOff => link.bus_off,
             Trouble::BusErrors => link.bus_errors,
             Trouble::DamagedPackets => decode.bad_checksum,
             Trouble::StrayBytes => decode.bytes_skipped + link.bytes_skipped,
+            Trouble::Overflow => link.overflowed,
             Trouble::MissingPackets => decode.missing,
             Trouble::RepeatedPackets => decode.repeated + imu.repeated + imu.out_of_order,
             Trouble::LoneHalves => decode.lone_halves,
@@ -143,7 +164,7 @@ struct Episode {
 /// Finds beginnings and ends of troubles in what a source has counted. Fixed size.
 ///
 /// A trouble begins when its count rises and is over when the count has stood still for [`QUIET`] and samples come
-/// again; a lost connection also only once it is back.
+/// again; a lost connection and a bus that is off or down also only once they are back.
 #[derive(Clone, Debug, Default)]
 pub struct TroubleWatch {
     episodes: [Episode; TROUBLES.len()],
@@ -170,7 +191,7 @@ impl TroubleWatch {
             let count = trouble.count(counts);
             // A late packet takes back a loss: that is no new trouble.
             let rose = count > episode.seen;
-            let lasts = trouble == Trouble::ConnectionLost && counts.link.down;
+            let lasts = trouble.lasts(&counts.link);
             match &mut episode.present {
                 None if rose => {
                     episode.present = Some((episode.seen, now));

@@ -1,47 +1,26 @@
 //! A candump log of our CAN frames, through the real program to the character.
 
-use std::fmt::Write as _;
 use std::process::Command;
 
-use otolith_firmware_protocol::can::{CanMessage, HalfSample, Identity, Ids, Ranges, Time};
+use otolith_firmware_protocol::can::{Ids, offset};
 use serde_json::Value;
 
-const RATE_HZ: u32 = 500;
+use crate::chair_can::{Chair, Frame, candump_log};
 
-/// 2 s rest, 30 rpm for 15 s with ramps of 1 s, 8 s rest, as `candump -l` writes it; every `lose`-th accelerometer frame
-/// is left out.
-fn log(lose: Option<u32>) -> String {
-    let ranges = Ranges { gyro_range_dps: 500, accel_range_g: 4, rate_hz: RATE_HZ as u16 };
-    let identity = Identity { device_id: 7, firmware: 0x0100 };
-    let mut log = String::new();
-    let mut frames_sent = 0u16;
-    let mut frame = |t_us: u32, message: CanMessage| {
-        let (id, data) = Ids::default().frame(&message);
-        let hex: String = data.iter().map(|byte| format!("{byte:02X}")).collect();
-        writeln!(log, "({}.{:06}) can0 {id:03X}#{hex}", 1_700_000_000 + t_us / 1_000_000, t_us % 1_000_000)
-            .unwrap();
+const RATE_HZ: u32 = 500;
+const CHAIR: Chair = Chair { rate_hz: RATE_HZ, spin_s: 15.0, after_s: 9.0 };
+
+/// The log of a run; every `lose`-th accelerometer frame is left out.
+fn log(lose: Option<usize>) -> String {
+    let is_accel = |frame: &Frame| frame.id == Ids::default().base() + offset::ACCEL;
+    let mut accels = 0;
+    let keep = |frame: &Frame| {
+        accels += usize::from(is_accel(frame));
+        !is_accel(frame) || lose.is_none_or(|every| accels % every != 2)
     };
-    for k in 0..26 * RATE_HZ {
-        let t_us = k * (1_000_000 / RATE_HZ);
-        let t_s = f64::from(t_us) * 1e-6;
-        if k % RATE_HZ == 0 {
-            frame(t_us, CanMessage::Ranges(ranges));
-            frame(t_us, CanMessage::Identity(identity));
-        }
-        if k % (RATE_HZ / 10) == 0 {
-            frame(t_us, CanMessage::Time(Time { time_10us: t_us / 10, frames_sent, status: 0 }));
-        }
-        let rate = 180.0 * ((t_s - 2.0).clamp(0.0, 1.0) - (t_s - 17.0).clamp(0.0, 1.0));
-        let tick = (t_us / 10) as u16;
-        let counts = (rate.to_radians() / ranges.gyro_scale()).round() as i16;
-        let up = (9.80665 / ranges.accel_scale()).round() as i16;
-        frames_sent = frames_sent.wrapping_add(2);
-        frame(t_us + 100, CanMessage::Gyro(HalfSample { xyz: [0, 0, counts], tick }));
-        if lose.is_none_or(|every| k % every != 1) {
-            frame(t_us + 200, CanMessage::Accel(HalfSample { xyz: [0, 0, up], tick }));
-        }
-    }
-    log
+    let mut frames = CHAIR.frames();
+    frames.retain(keep);
+    candump_log(&frames)
 }
 
 fn run(log: &str) -> Value {

@@ -1,6 +1,11 @@
 //! The program as a user meets it: arguments in; exit code, stdout, stderr and files out.
 
+mod can_map;
 mod demo;
+#[cfg(unix)]
+mod devices;
+#[cfg(unix)]
+mod doctor;
 mod inspect;
 mod inspect_logs;
 mod logs;
@@ -9,6 +14,7 @@ mod recording;
 mod refusals;
 mod reproduce;
 mod terminal;
+mod xbus_mip;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};

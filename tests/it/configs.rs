@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 use otolith::character::CharacterModel;
 use otolith::config::Config;
 use otolith::device::Selector;
+use otolith::device::doctor::UDEV_RULES;
+use otolith::device::protocol::can_map::Dbc;
 use otolith::device::protocol::text::TextMapping;
 use otolith::imu::Mount;
 use otolith::motion::MotionSettings;
@@ -51,17 +53,30 @@ fn every_other_file_is_accepted_by_its_reader() {
     for folder in folders {
         for (name, text) in files(&folder) {
             let problem = match folder.file_name().unwrap().to_str().unwrap() {
+                "can" if name.ends_with(".dbc") => {
+                    Dbc::parse(&name, &text).err().map(|error| error.to_string())
+                }
+                "can" => can_map_problem(&name),
                 "characters" => CharacterModel::from_mjcf(&text, &name).err().map(|error| error.to_string()),
                 "logs" => TextMapping::from_toml(&name, &text).err().map(|error| error.to_string()),
                 "motions" => MotionSettings::from_toml(&text).err().map(|error| error.to_string()),
                 "mounts" => Mount::from_toml(&name, &text).err().map(|error| error.to_string()),
                 "observers" => observer_problem(&text),
+                "udev" => (text != UDEV_RULES).then(|| "not what `otolith doctor` prints".to_owned()),
                 "scenarios" => Config::from_toml(&text, &name).err().map(|error| error.to_string()),
                 other => panic!("{name}: nothing here reads the folder {other}"),
             };
             assert_eq!(problem, None, "{name}");
         }
     }
+}
+
+/// The mapping as a user names it: its DBC file is found beside it.
+fn can_map_problem(path: &str) -> Option<String> {
+    Config { can_map: Some(path.to_owned()), ..Config::default() }
+        .sensor()
+        .err()
+        .map(|error| error.to_string())
 }
 
 fn observer_problem(text: &str) -> Option<String> {

@@ -136,7 +136,11 @@ fn tally(checked: &Checked, frames: u64) -> Tally {
         }
         let stream = [before, hurt, behind].concat();
         let counters = decode(checked, &stream);
-        assert!(counters.packets <= checked.places(&stream).count() as u64, "{}: {stream:02x?}", checked.protocol);
+        assert!(
+            counters.packets <= checked.places(&stream).count() as u64,
+            "{}: {stream:02x?}",
+            checked.protocol
+        );
         if let Some(length) = checked.fixed_length {
             let told = counters.packets * length + counters.bytes_skipped + counters.unfinished_bytes;
             assert_eq!(told, stream.len() as u64, "{}: {stream:02x?}", checked.protocol);

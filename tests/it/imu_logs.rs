@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used)] // The lint spares only functions marked as tests, not what they share.
 
 use otolith::device::Traffic;
+use otolith::device::protocol::mavlink::MavlinkDecoder;
 use otolith::device::protocol::text::{TextDecoder, TextMapping};
 use otolith::device::protocol::{DecodeCounters, PacketDecoder};
 use otolith::imu::{
@@ -143,6 +144,51 @@ fn turntable_log_keeps_the_link_alive_at_every_tick() {
     }
     assert_near("turned by ticks", turned, played.turned_deg(), 0.05);
     assert_eq!(resampler.counters(), Default::default());
+}
+
+/// The steps of the device's clock, and the losses when frames are taken out.
+#[test]
+fn telemetry_log_matches_its_provenance() {
+    let Some(log) = crate::shared_capture("mavlink/ardusub_small.tlog") else { return };
+    let frames = telemetry_frames(&log);
+    assert_eq!(frames.len(), 35_916);
+    let play = |keep: &dyn Fn(usize, &[u8]) -> bool| {
+        let mut decoder = MavlinkDecoder::new();
+        let mut times = Vec::new();
+        for (_, frame) in frames.iter().enumerate().filter(|(index, frame)| keep(*index, frame)) {
+            decoder
+                .push(Traffic::Bytes(frame), &mut |reading| times.push(reading.device_time.unwrap().micros));
+        }
+        decoder.finish(&mut |_| panic!("nothing is held back"));
+        (times, decoder.counters())
+    };
+    let (times, counters) = play(&|_, _| true);
+    assert_eq!(counters, DecodeCounters { packets: 35_916, ..DecodeCounters::default() });
+    let steps: Vec<u64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    assert_eq!((times.len(), steps.iter().min(), steps.iter().max()), (528, Some(&239_915), Some(&759_987)));
+    // Of the autopilot, every frame at a place that ten divides is taken out.
+    let of_autopilot = |frame: &[u8]| (frame[5], frame[6]) == (1, 1);
+    let first_sample = frames.iter().position(|frame| frame[7..10] == [27, 0, 0]).unwrap();
+    let kept = |index: usize, frame: &[u8]| {
+        index <= first_sample || !index.is_multiple_of(10) || !of_autopilot(frame)
+    };
+    let lost = frames.iter().enumerate().filter(|(index, frame)| !kept(*index, frame)).count() as u64;
+    let last = frames.iter().rposition(|frame| of_autopilot(frame)).unwrap();
+    let (_, counters) = play(&kept);
+    let unseen = u64::from(!kept(last, frames[last]));
+    assert_eq!((counters.packets, counters.missing), (35_916 - lost, lost - unseen));
+    assert!(lost > 3000, "{lost}");
+}
+
+/// The frames of a telemetry log, by their lengths alone.
+fn telemetry_frames(log: &[u8]) -> Vec<&[u8]> {
+    let (mut frames, mut rest) = (Vec::new(), log);
+    while !rest.is_empty() {
+        let length = 12 + usize::from(rest[9]);
+        frames.push(&rest[8..8 + length]);
+        rest = &rest[8 + length..];
+    }
+    frames
 }
 
 #[test]

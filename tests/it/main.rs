@@ -22,9 +22,9 @@ fn shared_capture(name: &str) -> Option<Vec<u8>> {
     }
 }
 
-#[cfg(target_os = "linux")]
-mod can;
 mod candump;
+#[path = "../common/chair_can.rs"]
+mod chair_can;
 mod cli;
 mod closed_loop;
 mod configs;
@@ -39,5 +39,7 @@ mod motions;
 mod observer_cases;
 mod observer_golden;
 mod observer_laws;
+mod probe;
 #[cfg(unix)]
 mod pty;
+mod xbus_mip;

@@ -11,6 +11,7 @@ use otolith::device::serial::SerialLink;
 use otolith::device::{DeviceError, Link, LinkError, Selector, Traffic};
 use otolith::time::{Clock, SystemClock};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
 /// Ends hangs; never decides a test.
 const PATIENCE: u32 = 500;
@@ -27,6 +28,10 @@ impl Device {
         let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a pseudo-terminal");
         grantpt(&master).expect("granted");
         unlockpt(&master).expect("unlocked");
+        // Raw from the start: what is sent before a program opens the port must not be echoed or cooked.
+        let mut settings = tcgetattr(&master).expect("a terminal");
+        settings.make_raw();
+        tcsetattr(&master, OptionalActions::Now, &settings).expect("set");
         let name = ptsname(&master, Vec::new()).expect("a name").into_string().expect("UTF-8");
         let link = folder.join("ttyIMU");
         // The name may still point to a terminal that is gone.

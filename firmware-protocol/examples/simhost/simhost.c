@@ -188,16 +188,35 @@ static void feed_uart(struct host *host)
         avr_raise_irq(host->to_uart, host->inbox[host->inbox_at++]);
 }
 
-/* Sleeps while AVR time is ahead of the clock, and notes how far it ever was behind. */
-static void keep_pace(struct host *host, double avr_s, bool paced)
+static void sleep_for(double seconds)
 {
-    double ahead_s = avr_s - (now_s() - host->started_s);
-    if (paced && ahead_s > 0) {
-        struct timespec pause = {(time_t)ahead_s, (long)(fmod(ahead_s, 1.0) * 1e9)};
-        nanosleep(&pause, NULL);
-    } else if (-ahead_s > host->worst_lag_s) {
-        host->worst_lag_s = -ahead_s;
-    }
+    struct timespec pause = {(time_t)seconds, (long)(fmod(seconds, 1.0) * 1e9)};
+    nanosleep(&pause, NULL);
+}
+
+/* How far AVR time is ahead of the clock. */
+static double ahead_s(const struct host *host)
+{
+    return (double)host->avr->cycle / host->avr->frequency - (now_s() - host->started_s);
+}
+
+/* Hands the slice's bytes over. A reader that is too slow loses some, as on a real line, unless they come in a burst
+ * because this process was kept from running: then they wait for as long as AVR time is behind. */
+static void hand_over(struct host *host)
+{
+    while (!terminal_flush(&host->terminal) && !stop && ahead_s(host) < 0)
+        sleep_for(0.001);
+    terminal_drop(&host->terminal);
+}
+
+/* Sleeps while AVR time is ahead of the clock, and notes how far it ever was behind. */
+static void keep_pace(struct host *host)
+{
+    double ahead = ahead_s(host);
+    if (ahead > 0)
+        sleep_for(ahead);
+    else
+        host->worst_lag_s = fmax(host->worst_lag_s, -ahead);
 }
 
 static int run(struct host *host, const struct settings *settings)
@@ -213,11 +232,14 @@ static int run(struct host *host, const struct settings *settings)
         until += slice;
         if (!run_until(host->avr, until))
             return FAILED;
-        terminal_flush(&host->terminal);
+        hand_over(host);
         avr_s = (double)host->avr->cycle / settings->frequency_hz;
-        keep_pace(host, avr_s, settings->paced);
+        if (settings->paced)
+            keep_pace(host);
     }
-    fprintf(stderr, "simhost: %.3f s of AVR time in %.3f s, at most %.1f ms behind; %lu bytes sent, %lu dropped, %lu unheard\n",
+    fprintf(stderr,
+            "simhost: %.3f s of AVR time in %.3f s, at most %.1f ms behind; "
+            "%lu bytes sent, %lu dropped, %lu unheard\n",
             avr_s, now_s() - host->started_s, host->worst_lag_s * 1e3, host->terminal.sent_bytes,
             host->terminal.dropped_bytes, host->terminal.unheard_bytes);
     return DONE;

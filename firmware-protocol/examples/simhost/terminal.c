@@ -52,14 +52,22 @@ bool terminal_open(struct terminal *terminal, const char *link_name)
     return make_raw(terminal->name) && name_it(terminal->name, link_name);
 }
 
-bool terminal_was_opened(struct terminal *terminal)
+/* Once the other end has been open, Linux reports a hang-up for as long as it is closed. */
+static void look(struct terminal *terminal)
 {
-    /* Once the other end has been open, Linux reports a hang-up for as long as it is closed. */
     struct pollfd state = {.fd = terminal->master};
     bool was_in_use = terminal->in_use;
     poll(&state, 1, 0);
     terminal->in_use = !(state.revents & POLLHUP);
-    return terminal->in_use && !was_in_use;
+    terminal->opened = terminal->opened || (terminal->in_use && !was_in_use);
+}
+
+bool terminal_was_opened(struct terminal *terminal)
+{
+    look(terminal);
+    bool opened = terminal->opened;
+    terminal->opened = false;
+    return opened;
 }
 
 void terminal_put(struct terminal *terminal, unsigned char byte)
@@ -70,16 +78,25 @@ void terminal_put(struct terminal *terminal, unsigned char byte)
         terminal->dropped_bytes++;
 }
 
-void terminal_flush(struct terminal *terminal)
+bool terminal_flush(struct terminal *terminal)
 {
-    if (!terminal->in_use) {
+    look(terminal);
+    if (!terminal->in_use || terminal->opened) {
         terminal->unheard_bytes += terminal->pending_length;
+        terminal->pending_length = 0;
     } else if (terminal->pending_length > 0) {
         ssize_t written = write(terminal->master, terminal->pending, terminal->pending_length);
         size_t taken = written > 0 ? (size_t)written : 0;
         terminal->sent_bytes += taken;
-        terminal->dropped_bytes += terminal->pending_length - taken;
+        terminal->pending_length -= taken;
+        memmove(terminal->pending, terminal->pending + taken, terminal->pending_length);
     }
+    return terminal->pending_length == 0;
+}
+
+void terminal_drop(struct terminal *terminal)
+{
+    terminal->dropped_bytes += terminal->pending_length;
     terminal->pending_length = 0;
 }
 

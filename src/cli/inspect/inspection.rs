@@ -4,6 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
+use super::bus::BusReport;
 use crate::record::DamageReport;
 use crate::report::LinkCounters;
 use crate::units::DEG_PER_RAD;
@@ -21,6 +22,8 @@ pub(super) struct Inspection {
     pub(super) omega_rad_s: Option<Range>,
     pub(super) specific_force_m_s2: Option<Range>,
     pub(super) clipped: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) can: Option<BusReport>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) ticks: Option<u64>,
     #[serde(skip_serializing_if = "Option::is_none")]

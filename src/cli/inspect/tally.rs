@@ -4,6 +4,7 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 
+use super::bus::{BusReport, BusTally};
 use super::inspection::{Inspection, Range};
 use crate::device::Traffic;
 use crate::device::protocol::detect::protocol_names;
@@ -22,8 +23,8 @@ pub(super) struct Tally {
     without_time: u64,
     /// Arrival of the first and of the last sample.
     arrivals: Option<(HostTime, HostTime)>,
-    /// The device's clock at the last sample that carried it, µs.
-    last_us: Option<u64>,
+    /// The device's clock at the last sample that carried it.
+    last_time: Option<DeviceTime>,
     /// Time by the device's clock since its first sample, µs.
     device_us: i64,
     /// Intervals between samples, by the device's clock where both have one, else by arrival.
@@ -32,6 +33,7 @@ pub(super) struct Tally {
     last_at: HostTime,
     omega: Extent,
     force: Extent,
+    bus: BusTally,
 }
 
 #[derive(Debug, Default)]
@@ -60,9 +62,15 @@ impl Extent {
 }
 
 impl Tally {
+    /// A tally that looks for a ready mapping of CAN signals on the way.
+    pub(super) fn trying_can_maps() -> Self {
+        Self { bus: BusTally::trying_maps(), ..Self::default() }
+    }
+
     /// Shows a piece of traffic that arrived at `at` to the decoder and takes its readings.
     pub(super) fn take(&mut self, decoder: &mut dyn PacketDecoder, at: HostTime, traffic: Traffic<'_>) {
         self.last_at = at;
+        self.bus.take(at, traffic);
         decoder.push(traffic, &mut |reading| self.reading(at, &reading));
     }
 
@@ -102,12 +110,7 @@ impl Tally {
 
     /// Follows the device's clock through its wraps; a step back is one. Gives the step, s.
     fn device_time(&mut self, time: DeviceTime) -> Option<f64> {
-        let last_us = self.last_us.replace(time.micros)?;
-        let mut step_us = time.micros.wrapping_sub(last_us) as i64;
-        if let Some(wrap_us) = time.wraps_after_us.map(|wrap_us| wrap_us as i64).filter(|us| *us > 0) {
-            step_us = step_us.rem_euclid(wrap_us);
-            step_us -= if step_us > wrap_us / 2 { wrap_us } else { 0 };
-        }
+        let step_us = time.micros_since(self.last_time.replace(time)?);
         self.device_us = self.device_us.saturating_add(step_us);
         Some(step_us as f64 * 1e-6)
     }
@@ -122,6 +125,10 @@ impl Tally {
     /// What was found.
     pub(super) fn inspection(&self, file: &Path, kind: &str, decoder: &dyn PacketDecoder) -> Inspection {
         let counters = decoder.counters();
+        let mut can = self.bus.report();
+        if let Some(can) = can.as_mut().filter(|_| decoder.protocol() != "unknown") {
+            can.fitting_maps.clear();
+        }
         let duration_s = self.duration_s();
         let rate_hz = duration_s.filter(|s| *s > 0.0).map(|s| self.samples.saturating_sub(1) as f64 / s);
         Inspection {
@@ -145,18 +152,31 @@ impl Tally {
             ticks: None,
             damage: None,
             events: Vec::new(),
-            notes: self.notes(decoder, &counters),
+            notes: self.notes(file, decoder, &counters, can.as_ref()),
+            can,
         }
     }
 
     /// What is missing, in words.
-    fn notes(&self, decoder: &dyn PacketDecoder, counters: &DecodeCounters) -> Vec<String> {
+    fn notes(
+        &self,
+        file: &Path,
+        decoder: &dyn PacketDecoder,
+        counters: &DecodeCounters,
+        can: Option<&BusReport>,
+    ) -> Vec<String> {
         let mut notes = Vec::new();
         if self.samples == 0 {
             notes.push(match decoder.protocol() {
                 "unknown" => format!("no sample was found: this is none of {}", protocol_names()),
                 protocol => format!("no sample of protocol {protocol} was found"),
             });
+        }
+        if let Some(can) = can.filter(|_| self.samples == 0) {
+            notes.push(can.in_words());
+            if decoder.protocol() == "unknown" {
+                notes.extend(can.advice(&file.display().to_string()));
+            }
         }
         if self.samples > 0 && self.without_force == self.samples {
             notes.push("no accelerometer: tilt cannot be measured".to_owned());

@@ -3,7 +3,8 @@
 use std::time::Duration;
 
 use super::{Answer, ConfigureError, Plan, Step};
-use crate::device::{DeviceError, Link, LinkError, Traffic};
+use crate::device::probe::Tunable;
+use crate::device::{DeviceError, LinkError, Traffic};
 use crate::time::Clock;
 
 /// A device that answers at all does so within this time.
@@ -15,28 +16,16 @@ const POLL: Duration = Duration::from_millis(20);
 /// Bytes kept of what came since a command: an answer stands at the end.
 const KEPT_BYTES: usize = 4096;
 
-/// A link whose baud rate can be changed.
-pub trait Line: Link {
-    /// Name of the port, for errors.
-    fn port(&self) -> &str;
-
-    /// Goes on at another baud rate, bit/s.
-    ///
-    /// # Errors
-    /// [`LinkError::Lost`] when the port does not take it.
-    fn change_baud(&mut self, baud: u32) -> Result<(), LinkError>;
-}
-
 /// Sends the commands of `plan` one after the other, each once the one before was answered. What the device measures
 /// meanwhile is not used.
 ///
 /// # Errors
 /// [`DeviceError::Configure`] when the device refuses a command or does not answer it; [`DeviceError::Open`] when the
 /// port is lost.
-pub fn apply(line: &mut impl Line, plan: &Plan, clock: &dyn Clock) -> Result<(), DeviceError> {
+pub fn apply(line: &mut dyn Tunable, port: &str, plan: &Plan, clock: &dyn Clock) -> Result<(), DeviceError> {
     for (done, step) in plan.steps.iter().enumerate() {
-        let answer = take_step(line, step, clock).map_err(|error| lost(line.port(), &error))?;
-        let (port, what) = (line.port().to_owned(), step.what.clone());
+        let answer = take_step(line, step, clock).map_err(|error| lost(port, &error))?;
+        let (port, what) = (port.to_owned(), step.what.clone());
         match answer {
             Answer::Done => {}
             Answer::NotYet => return Err(ConfigureError::NoAnswer { port, what, done }.into()),
@@ -47,7 +36,7 @@ pub fn apply(line: &mut impl Line, plan: &Plan, clock: &dyn Clock) -> Result<(),
 }
 
 /// Sends one command and waits for its answer; `NotYet` if none came in time.
-fn take_step(line: &mut impl Line, step: &Step, clock: &dyn Clock) -> Result<Answer, LinkError> {
+fn take_step(line: &mut dyn Tunable, step: &Step, clock: &dyn Clock) -> Result<Answer, LinkError> {
     line.send(Traffic::Bytes(&step.bytes))?;
     let wait = if step.answer.is_some() { ANSWER_WITHIN } else { SETTLE };
     let until = clock.now() + wait;
@@ -65,8 +54,10 @@ fn take_step(line: &mut impl Line, step: &Step, clock: &dyn Clock) -> Result<Ans
             }
         }
     }
-    if let (Answer::Done, Some(baud)) = (&answer, step.baud_after) {
-        line.change_baud(baud)?;
+    if let (Answer::Done, Some(baud)) = (&answer, step.baud_after)
+        && !line.set_baud(baud)
+    {
+        answer = Answer::Refused(format!("this port has no {baud} baud"));
     }
     Ok(answer)
 }
@@ -88,6 +79,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
+    use crate::device::Link;
     use crate::device::testing::ManualClock;
     use crate::time::HostTime;
 
@@ -117,14 +109,10 @@ mod tests {
         }
     }
 
-    impl Line for Device {
-        fn port(&self) -> &str {
-            "port"
-        }
-
-        fn change_baud(&mut self, baud: u32) -> Result<(), LinkError> {
+    impl Tunable for Device {
+        fn set_baud(&mut self, baud: u32) -> bool {
             self.bauds.push(baud);
-            Ok(())
+            true
         }
     }
 
@@ -158,7 +146,7 @@ mod tests {
             sent: Vec::new(),
             bauds: Vec::new(),
         };
-        (apply(&mut device, &plan, clock.as_ref()), device)
+        (apply(&mut device, "port", &plan, clock.as_ref()), device)
     }
 
     #[test]

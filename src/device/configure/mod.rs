@@ -3,11 +3,14 @@
 //! One file per protocol turns a [`Request`] into a [`Plan`] of bytes to write and answers to wait for; it is pure.
 
 mod apply;
+pub mod mip;
 mod native;
 mod request;
+pub mod vectornav;
 pub mod witmotion;
+pub mod xbus;
 
-pub use apply::{Line, apply};
+pub use apply::apply;
 
 use super::DeviceError;
 use super::bandwidth::check_serial;
@@ -81,8 +84,13 @@ impl Plan {
 type Planner = fn(&Request) -> Result<Plan, ConfigureError>;
 
 /// The protocols with commands.
-const PLANNERS: [(&str, Planner); 2] =
-    [(detect::OTOLITH_SERIAL, native::plan), (detect::WITMOTION, witmotion::plan)];
+const PLANNERS: [(&str, Planner); 5] = [
+    (detect::OTOLITH_SERIAL, native::plan),
+    (detect::VECTORNAV, vectornav::plan),
+    (detect::MIP, mip::plan),
+    (detect::XBUS, xbus::plan),
+    (detect::WITMOTION, witmotion::plan),
+];
 
 /// Whether otolith has commands for a protocol.
 pub fn is_configurable(protocol: &str) -> bool {

@@ -3,7 +3,7 @@ use crate::device::mock::{MockChair, MockParams};
 use crate::device::protocol::native_serial::NativeSerialDecoder;
 use crate::device::protocol::{DecodeCounters, PacketDecoder};
 use crate::device::replay::CandumpReplay;
-use crate::device::testing::{ScriptLink, drain};
+use crate::device::testing::{Event, ScriptLink, drain};
 
 fn injector(plan: FaultPlan) -> FaultInjector<ScriptLink> {
     FaultInjector::new(ScriptLink::pieces(1000), plan).expect("in range")
@@ -93,6 +93,20 @@ fn a_disconnect_is_silence_with_a_state() {
         (status.losses, status.reconnects, status.last_loss),
         (1, 1, Some(io::ErrorKind::NotConnected))
     );
+}
+
+#[test]
+fn a_wrong_baud_misreads_bytes_and_leaves_frames_alone() {
+    let wrong_baud = Some(WrongBaud { sent_baud: 9600, read_baud: 19_200, keep_framing_errors: true });
+    let plan = || FaultPlan { wrong_baud, ..FaultPlan::default() };
+    let pieces = [0xFF, 0x00].map(|byte| Event::Piece(ms(1), vec![byte]));
+    let mut link = FaultInjector::new(ScriptLink::new(pieces), plan()).expect("in range");
+    assert_eq!(drain(&mut link), [(ms(1), vec![0xFE]), (ms(1), vec![0x00])]);
+
+    let log = CandumpReplay::new("log".into(), "(1.000000) can0 3A0#FF\n".as_bytes());
+    let mut link = FaultInjector::new(log, plan()).expect("in range");
+    let frame = Traffic::CanFrame { id: 0x3A0, extended: false, data: &[0xFF] };
+    assert_eq!(link.receive(Duration::ZERO).expect("plays"), Some((ms(0), frame)));
 }
 
 #[test]

@@ -1,11 +1,16 @@
 //! Which protocol a device speaks: by name, or by who understands it.
 
 use super::bno08x_rvc::Bno08xRvcDecoder;
+use super::can_map::can_map_names;
+use super::mavlink::MavlinkDecoder;
+use super::mip::MipDecoder;
 use super::native_can::NativeCanDecoder;
 use super::native_serial::NativeSerialDecoder;
 use super::openimu::OpenImuDecoder;
+use super::vectornav::VectorNavDecoder;
 use super::witmotion::can::WitMotionCanDecoder;
 use super::witmotion::serial::WitMotionDecoder;
+use super::xbus::XbusDecoder;
 use super::{DecodeCounters, DeviceInfo, ImuReading, PacketDecoder, SyncEstimate};
 use crate::device::{DeviceError, Selector, Traffic};
 
@@ -21,8 +26,18 @@ pub const BNO08X_RVC: &str = "bno08x-rvc";
 pub const WITMOTION: &str = "witmotion";
 /// WitMotion on CAN.
 pub const WITMOTION_CAN: &str = "witmotion-can";
+/// VectorNav's binary frames and ASCII sentences.
+pub const VECTORNAV: &str = "vectornav";
+/// MAVLink 2 and 1.
+pub const MAVLINK: &str = "mavlink";
+/// MicroStrain inertial sensors.
+pub const MIP: &str = "mip";
+/// Xsens (Movella) MTi on a serial line.
+pub const XBUS: &str = "xbus";
 /// Lines of text, described by a mapping file.
 pub const TEXT: &str = "text";
+/// CAN frames, described by a DBC file and a mapping.
+pub const CAN_MAP: &str = "can-map";
 
 /// What kind of traffic carries a protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,10 +77,35 @@ pub const PROTOCOLS: &[Protocol] = &[
         make: Some(|| Box::new(NativeCanDecoder::new(None))),
     },
     Protocol {
+        name: VECTORNAV,
+        bus: Bus::Serial,
+        // An XOR of 8 bits alone would be weak, but a sentence has 32 more that must be right.
+        certain_after: Some(3),
+        make: Some(|| Box::new(VectorNavDecoder::new())),
+    },
+    Protocol {
+        name: MAVLINK,
+        bus: Bus::Serial,
+        certain_after: Some(3),
+        make: Some(|| Box::new(MavlinkDecoder::new())),
+    },
+    Protocol {
+        name: MIP,
+        bus: Bus::Serial,
+        certain_after: Some(3),
+        make: Some(|| Box::new(MipDecoder::new())),
+    },
+    Protocol {
         name: OPENIMU,
         bus: Bus::Serial,
         certain_after: Some(3),
         make: Some(|| Box::new(OpenImuDecoder::new())),
+    },
+    Protocol {
+        name: XBUS,
+        bus: Bus::Serial,
+        certain_after: Some(8),
+        make: Some(|| Box::new(XbusDecoder::new())),
     },
     Protocol {
         name: BNO08X_RVC,
@@ -86,6 +126,7 @@ pub const PROTOCOLS: &[Protocol] = &[
         make: Some(|| Box::new(WitMotionCanDecoder::new(None))),
     },
     Protocol { name: TEXT, bus: Bus::Serial, certain_after: None, make: None },
+    Protocol { name: CAN_MAP, bus: Bus::Can, certain_after: None, make: None },
 ];
 
 /// Share of all bytes that a protocol must understand to count as found: a checksum that is right by chance now and
@@ -100,12 +141,13 @@ pub fn protocol_names() -> String {
 /// The decoder of the protocol called `name`.
 ///
 /// # Errors
-/// [`DeviceError::UnknownProtocol`] with the names there are; [`DeviceError::NeedsMapping`] for text, whose decoder
-/// is made from a mapping.
+/// [`DeviceError::UnknownProtocol`] with the names there are; [`DeviceError::NeedsMapping`] and
+/// [`DeviceError::NeedsCanMap`] for those whose decoder is made from a mapping.
 pub fn decoder_by_name(name: &str) -> Result<Box<dyn PacketDecoder>, DeviceError> {
     match PROTOCOLS.iter().find(|protocol| protocol.name == name) {
         Some(Protocol { make: Some(make), .. }) => Ok(make()),
-        Some(_) => Err(DeviceError::NeedsMapping),
+        Some(Protocol { bus: Bus::Serial, .. }) => Err(DeviceError::NeedsMapping),
+        Some(Protocol { bus: Bus::Can, .. }) => Err(DeviceError::NeedsCanMap { ready: can_map_names() }),
         None => Err(DeviceError::UnknownProtocol { got: name.to_owned(), known: protocol_names() }),
     }
 }
@@ -113,8 +155,12 @@ pub fn decoder_by_name(name: &str) -> Result<Box<dyn PacketDecoder>, DeviceError
 /// The decoder for a device whose protocol was not named.
 pub fn decoder_for(selector: &Selector) -> Box<dyn PacketDecoder> {
     match selector {
-        Selector::Can { node: Some(node), .. } => Box::new(NativeCanDecoder::new(Some(*node))),
-        Selector::Can { node: None, .. } => Box::new(AutoDecoder::on(&[Bus::Can])),
+        Selector::Can { node: Some(node), .. } | Selector::Slcan { node: Some(node), .. } => {
+            Box::new(NativeCanDecoder::new(Some(*node)))
+        }
+        Selector::Can { node: None, .. } | Selector::Slcan { node: None, .. } => {
+            Box::new(AutoDecoder::on(&[Bus::Can]))
+        }
         Selector::Mock(_) => Box::new(NativeSerialDecoder::new()),
         Selector::Serial { .. } => Box::new(AutoDecoder::on(&[Bus::Serial])),
         Selector::Replay { .. } => Box::new(AutoDecoder::on(&[Bus::Serial, Bus::Can])),
@@ -143,6 +189,8 @@ impl Candidate {
 pub struct AutoDecoder {
     candidates: Vec<Candidate>,
     bytes: u64,
+    /// The one candidate left is certain: not being told from others is no proof.
+    found: bool,
 }
 
 impl std::fmt::Debug for AutoDecoder {
@@ -161,7 +209,7 @@ impl AutoDecoder {
                 Some(Candidate { decoder: protocol.make?(), certain_after: protocol.certain_after? })
             })
             .collect();
-        Self { candidates, bytes: 0 }
+        Self { candidates, bytes: 0, found: false }
     }
 
     /// The decoder that understands most; of several that understand nothing, the one that has skipped most, so
@@ -201,14 +249,14 @@ impl AutoDecoder {
 impl PacketDecoder for AutoDecoder {
     fn protocol(&self) -> &'static str {
         match self.candidates.as_slice() {
-            [found] => found.decoder.protocol(),
+            [found] if self.found => found.decoder.protocol(),
             _ => "unknown",
         }
     }
 
     fn push(&mut self, traffic: Traffic<'_>, on_reading: &mut dyn FnMut(ImuReading)) {
         self.with_each(on_reading, |decoder, on_reading| decoder.push(traffic, on_reading));
-        if self.candidates.len() > 1 {
+        if !self.found {
             if let Traffic::Bytes(bytes) = traffic {
                 self.bytes += bytes.len() as u64;
             }
@@ -216,6 +264,7 @@ impl PacketDecoder for AutoDecoder {
             {
                 self.candidates.swap(0, found);
                 self.candidates.truncate(1);
+                self.found = true;
             }
         }
     }
@@ -242,7 +291,7 @@ impl PacketDecoder for AutoDecoder {
 
     fn poll_transmit(&mut self, host_time_us: u64, out: &mut [u8; 64]) -> Option<usize> {
         match self.candidates.as_mut_slice() {
-            [found] => found.decoder.poll_transmit(host_time_us, out),
+            [found] if self.found => found.decoder.poll_transmit(host_time_us, out),
             _ => None,
         }
     }
@@ -278,6 +327,8 @@ mod tests {
         let text = decoder_by_name("morse").err().expect("unknown").to_string();
         assert!(text.contains("protocol `morse` is not known") && text.contains(&protocol_names()));
         assert!(decoder_by_name(TEXT).err().expect("needs a mapping").to_string().contains("--log-map"));
+        let text = decoder_by_name(CAN_MAP).err().expect("needs a mapping").to_string();
+        assert!(text.contains("--map NAME") && text.contains("toyota-yaw"), "{text}");
     }
 
     #[test]
@@ -296,7 +347,7 @@ mod tests {
 
     #[test]
     fn noise_is_nobodys_and_is_counted() {
-        let mut decoder = AutoDecoder::on(&[Bus::Serial, Bus::Can]);
+        let mut decoder = AutoDecoder::on(&[Bus::Serial]);
         for _ in 0..100 {
             decoder.push(Traffic::Bytes(&[0x55; 50]), &mut |_| panic!("no sample in this"));
         }

@@ -115,6 +115,18 @@ impl<const N: usize> FrameScanner<N> {
     }
 }
 
+/// Whether a good frame, which starts with `begin`, lies whole in what would be the inside of another: then the other is
+/// none. For frames whose length may be damaged: one that is too long is given up with the first good frame behind its
+/// start, not only once all its bytes are there.
+pub(super) fn hides_a_frame<const N: usize>(
+    inside: &[u8],
+    begin: [u8; N],
+    look: impl Fn(&[u8]) -> Look,
+) -> bool {
+    let mut starts = inside.windows(N).enumerate().filter(|(_, window)| *window == begin);
+    starts.any(|(at, _)| matches!(look(&inside[at..]), Look::Frame(_)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -5,19 +5,29 @@ use nalgebra::Vector3;
 use super::Traffic;
 
 pub mod bno08x_rvc;
-mod crc16;
+pub mod can_map;
+mod crc;
 mod dead_band;
 pub mod detect;
 mod drops;
+mod followed;
 mod frames;
+mod halves;
+pub mod mavlink;
+pub mod mip;
 pub mod native_can;
 pub mod native_serial;
 pub mod openimu;
 mod period;
+mod quantity;
 mod sequence;
 mod sync;
 pub mod text;
+#[cfg(test)]
+mod trials;
+pub mod vectornav;
 pub mod witmotion;
+pub mod xbus;
 
 use drops::DropCount;
 pub use sync::SyncEstimate;
@@ -29,6 +39,20 @@ pub struct DeviceTime {
     pub micros: u64,
     /// The counter returns to zero after this many µs; `None` when it never does.
     pub wraps_after_us: Option<u64>,
+}
+
+impl DeviceTime {
+    /// Time since `before` by this clock, µs: the nearest the counter allows, negative when it has gone back.
+    pub fn micros_since(self, before: DeviceTime) -> i64 {
+        let step_us = self.micros.wrapping_sub(before.micros) as i64;
+        match self.wraps_after_us.and_then(|wrap_us| i64::try_from(wrap_us).ok()) {
+            Some(wrap_us) if wrap_us > 0 => {
+                let ahead_us = step_us.rem_euclid(wrap_us);
+                if ahead_us > wrap_us / 2 { ahead_us - wrap_us } else { ahead_us }
+            }
+            _ => step_us,
+        }
+    }
 }
 
 /// One sample of an IMU as its protocol states it, converted to SI. A device that sends NaN or an infinity is taken at

@@ -34,7 +34,7 @@ mod clock;
 
 use nalgebra::Vector3;
 
-use super::crc16::crc16_1021;
+use super::crc;
 use super::frames::{FrameScanner, Look};
 use super::native_serial::{at_end_of_range, scaled};
 use super::{DecodeCounters, DeviceInfo, ImuReading, PacketDecoder, detect};
@@ -47,7 +47,6 @@ const SYNC: u8 = 0x55;
 const HEAD: usize = 5;
 /// Bytes of the longest packet.
 const LONGEST: usize = HEAD + 255 + 2;
-const CRC_START: u16 = 0x1D0F;
 const Z1: [u8; 2] = *b"z1";
 const Z1_BYTES: u8 = 40;
 const S1: [u8; 2] = *b"S1";
@@ -106,7 +105,9 @@ fn look(bytes: &[u8]) -> Look {
             match bytes.get(2..end + 2) {
                 None => Look::Incomplete,
                 // Over its own value as well, the check gives zero.
-                Some(checked) if crc16_1021(CRC_START, checked) == 0 => Look::Frame(end + 2),
+                Some(checked) if crc::highest_bit_first(crc::SPI_FUJITSU_START, checked) == 0 => {
+                    Look::Frame(end + 2)
+                }
                 Some(_) => Look::Damaged,
             }
         }
@@ -126,7 +127,7 @@ impl Content {
         self.unknown += u64::from(taken.is_none());
     }
 
-    /// `None` for what is too short or not finite.
+    /// `None` for what is too short.
     fn take_z1(&mut self, payload: &[u8], on_reading: &mut dyn FnMut(ImuReading)) -> Option<()> {
         let (count, rest) = payload.split_first_chunk()?;
         let acceleration = floats(rest)?;
@@ -161,13 +162,13 @@ impl Content {
     }
 }
 
-/// Three finite little-endian floats.
+/// Three little-endian floats.
 fn floats(bytes: &[u8]) -> Option<Vector3<f64>> {
     let mut values = [0.0; 3];
     for (value, bytes) in values.iter_mut().zip(bytes.first_chunk::<12>()?.chunks_exact(4)) {
         *value = f64::from(f32::from_le_bytes(*bytes.first_chunk()?));
     }
-    values.iter().all(|value| value.is_finite()).then(|| values.into())
+    Some(values.into())
 }
 
 /// Three big-endian 16-bit numbers.

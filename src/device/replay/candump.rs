@@ -83,7 +83,8 @@ fn stamp_ns(stamp: &str) -> Option<u64> {
         .checked_add(decimals.parse::<u64>().ok()? * scale)
 }
 
-/// Plays a candump log. Lines that are no frame are skipped and their bytes counted; error frames are counted.
+/// Plays a candump log. Lines that are no frame are skipped and their bytes counted; error frames are
+/// counted by what they say.
 #[derive(Debug)]
 pub struct CandumpReplay<R> {
     name: String,
@@ -109,8 +110,9 @@ impl<R: BufRead + Send> Link for CandumpReplay<R> {
         while read_line(&self.name, &mut self.reader, &mut self.line)? {
             match parse_candump_line(&self.line) {
                 None => self.status.bytes_skipped += self.line.len() as u64,
-                Some(frame) if frame.error => self.status.bus_errors += 1,
+                Some(frame) if frame.error => self.status.note_error_frame(frame.id, frame.data()),
                 Some(frame) => {
+                    self.status.note_data_frame();
                     self.frame = frame;
                     let at = self.stamps.at(Some(frame.stamp_ns));
                     let CandumpRecord { id, extended, .. } = frame;

@@ -1,4 +1,5 @@
-//! Recordings of other programs as links: text logs, candump logs, raw serial captures. Streamed, never loaded.
+//! Recordings of other programs as links: text logs, candump logs, telemetry logs, raw serial captures. Streamed, never
+//! loaded.
 //!
 //! Stamps are relative to the first one in the file, never go backwards, and nothing in a file is fatal once it is
 //! open: what is no traffic is counted in [`super::LinkStatus::bytes_skipped`].
@@ -14,10 +15,12 @@ use crate::time::HostTime;
 mod candump;
 mod raw;
 mod text;
+mod tlog;
 
 pub use candump::{CandumpRecord, CandumpReplay, parse_candump_line};
 pub use raw::RawReplay;
 pub use text::TextReplay;
+pub use tlog::TlogReplay;
 
 /// Reads the time of one line of a text log, ns from any origin; `None` when the line carries none.
 pub type LineStamper = Box<dyn FnMut(&[u8]) -> Option<u64> + Send>;
@@ -31,6 +34,8 @@ pub enum FileKind {
     Candump,
     /// Bytes of a serial line.
     Raw,
+    /// MAVLink frames of a ground station's telemetry log, each with a stamp.
+    Tlog,
     /// A recording of ours, in an MCAP container. Not played here.
     Mcap,
 }
@@ -41,6 +46,7 @@ impl fmt::Display for FileKind {
             FileKind::Text => "text",
             FileKind::Candump => "candump",
             FileKind::Raw => "raw",
+            FileKind::Tlog => "tlog",
             FileKind::Mcap => "mcap",
         })
     }
@@ -72,8 +78,8 @@ pub fn first_line(path: &Path) -> Result<Vec<u8>, DeviceError> {
     Ok(lines.into_iter().find(|line| !line.is_empty()).unwrap_or_default().to_vec())
 }
 
-/// Opens a recording as a link. `kind` overrides what the content looks like. A text log without `stamp_line` and a
-/// raw capture are stamped by the time their bytes take at `baud`.
+/// Opens a recording as a link. `kind` overrides what the content looks like. A raw capture is stamped by the device's
+/// clock; one without, and a text log without `stamp_line`, by the time their bytes take at `baud`.
 ///
 /// # Errors
 /// Missing, unreadable or empty file, or an MCAP recording, which has a command of its own.
@@ -93,6 +99,7 @@ pub fn open(
         FileKind::Text => Ok(Box::new(TextReplay::new(name, reader, baud, stamp_line))),
         FileKind::Candump => Ok(Box::new(CandumpReplay::new(name, reader))),
         FileKind::Raw => Ok(Box::new(RawReplay::new(name, reader, baud))),
+        FileKind::Tlog => Ok(Box::new(TlogReplay::new(name, reader))),
         FileKind::Mcap => Err(DeviceError::FileKind {
             path: path.to_owned(),
             kind: "a recording of otolith (MCAP), not a log of a device",
@@ -125,6 +132,8 @@ fn kind_of(path: &Path, start: &[u8]) -> FileKind {
         FileKind::Candump
     } else if is_text(start) {
         FileKind::Text
+    } else if tlog::is_tlog(start) {
+        FileKind::Tlog
     } else {
         FileKind::Raw
     }
@@ -165,6 +174,12 @@ struct RelativeStamps {
 }
 
 impl RelativeStamps {
+    /// The next stamp has nothing to do with those before: it stands for the same time as the last one.
+    fn restart(&mut self) {
+        self.base = None;
+        self.base_at = self.last.0;
+    }
+
     /// Host time of a piece stamped `stamp_ns` in the file; of one without a stamp, that of its forerunner.
     fn at(&mut self, stamp_ns: Option<u64>) -> HostTime {
         let Some(stamp) = stamp_ns else { return self.last };
@@ -175,8 +190,8 @@ impl RelativeStamps {
         };
         if at.saturating_add(DISORDER_NS) < self.last.0 {
             // The logger was restarted: go on from here.
+            self.restart();
             self.base = Some(stamp);
-            self.base_at = self.last.0;
         } else {
             self.last = self.last.max(HostTime(at));
         }

@@ -5,7 +5,9 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::device::Traffic;
-use crate::device::testing::drain;
+use crate::device::can::bus::BusState;
+use crate::device::mock::{MockChair, MockParams};
+use crate::device::testing::{drain, from_hex};
 
 fn file(suffix: &str, content: &[u8]) -> tempfile::NamedTempFile {
     let mut file = tempfile::Builder::new().suffix(suffix).tempfile().expect("a temporary file");
@@ -79,7 +81,7 @@ fn a_text_log_without_times_is_stamped_by_its_bytes() {
 }
 
 #[test]
-fn a_raw_capture_is_stamped_by_its_bytes() {
+fn a_raw_capture_without_a_clock_is_stamped_by_its_bytes() {
     let bytes: Vec<u8> = (0..1000u32).map(|i| i as u8).collect();
     let capture = file(".bin", &bytes);
     let mut link = open(capture.path(), None, 100_000, None).expect("opens");
@@ -87,6 +89,23 @@ fn a_raw_capture_is_stamped_by_its_bytes() {
     assert_eq!(pieces.iter().flat_map(|(_, piece)| piece.clone()).collect::<Vec<u8>>(), bytes);
     assert_eq!(pieces[0], (HostTime(64 * 100_000), bytes[..64].to_vec()));
     assert_eq!(pieces.last().expect("some").0, HostTime(100_000_000));
+}
+
+#[test]
+fn a_raw_capture_is_played_at_the_pace_of_the_device() {
+    let params = MockParams { rest_s: 2.0, ..MockParams::rest() };
+    let mut bytes = Vec::new();
+    for (_, piece) in drain(&mut MockChair::new(params).expect("in range")) {
+        bytes.extend_from_slice(&piece);
+    }
+    for baud in [9_600, 3_000_000] {
+        let mut link = RawReplay::new("capture".into(), &bytes[..], baud);
+        let pieces = drain(&mut link);
+        assert!(pieces.windows(2).all(|pair| pair[0].0 <= pair[1].0));
+        // 1 kHz from the first sample on; before it there is the line's time for what introduces the device.
+        let took = pieces.last().expect("some").0.saturating_since(pieces[5].0).as_secs_f64();
+        assert!((took - 2.0).abs() < 0.02, "{took} s at {baud} baud");
+    }
 }
 
 #[test]
@@ -109,7 +128,67 @@ fn a_candump_log_is_played_frame_by_frame() {
     ];
     assert_eq!(frames, expected);
     let status = link.status();
-    assert_eq!((status.bytes_skipped, status.bus_errors), (bad.len() as u64, 1));
+    assert_eq!((status.bytes_skipped, status.bus_errors, status.bus_off), (bad.len() as u64, 1, 1));
+    assert_eq!(status.bus_state, BusState::BusOff);
+}
+
+/// Frames of pymavlink as a ground station logs them: RAW_IMU and HIGHRES_IMU in turn, 10 ms apart.
+fn tlog() -> Vec<(u64, Vec<u8>)> {
+    let golden =
+        include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/golden/devices/mavlink-frames.json"));
+    let golden: serde_json::Value = serde_json::from_str(golden).expect("the golden file is JSON");
+    let frame = |row: usize| from_hex(golden["frames"][row]["hex"].as_str().expect("digits"));
+    (0..20).map(|k| (1_683_220_541_055_000 + 10_000 * k, frame(6 * (k as usize % 2)))).collect()
+}
+
+fn logged(frames: &[(u64, Vec<u8>)]) -> Vec<u8> {
+    frames.iter().flat_map(|(stamp, frame)| [&stamp.to_be_bytes()[..], frame].concat()).collect()
+}
+
+#[test]
+fn a_telemetry_log_is_played_frame_by_frame_with_its_own_times() {
+    let frames = tlog();
+    for end in [logged(&frames).len(), 200] {
+        let log = file(".log", &logged(&frames)[..end]);
+        assert_eq!(detect(log.path()).expect("readable"), FileKind::Tlog);
+        let mut link = open(log.path(), None, 0, None).expect("opens");
+        let pieces = drain(link.as_mut());
+        let whole = if end == 200 { 3 } else { 20 };
+        for (k, ((at, piece), (_, frame))) in pieces.iter().zip(&frames).take(whole).enumerate() {
+            assert_eq!((at.0, piece), (10_000_000 * k as u64, frame));
+        }
+        // The last frame is cut, its stamp is whole.
+        let rest = logged(&frames)[..end].len() - logged(&frames[..whole]).len();
+        assert_eq!(
+            pieces[whole..].iter().map(|(_, piece)| piece.len()).sum::<usize>(),
+            rest.saturating_sub(8)
+        );
+    }
+}
+
+#[test]
+fn damage_in_a_telemetry_log_costs_the_damaged_frame_alone() {
+    let frames = tlog();
+    let mut hurt = frames.clone();
+    // A wrong length, a wrong checksum, a stamp of another century; and a byte too many in front.
+    hurt[3].1[1] ^= 0x10;
+    hurt[7].1[20] ^= 0x01;
+    hurt[12].0 ^= 1 << 50;
+    let log = file(".bin", &[b"x", &logged(&hurt)[..]].concat());
+    let mut link = open(log.path(), None, 0, None).expect("opens");
+    let pieces = drain(link.as_mut());
+    let times: Vec<u64> = pieces.iter().map(|(at, _)| at.0 / 10_000_000).collect();
+    // The junk in front and the two damaged frames are pieces of their own; two steps take no time for the bad stamp.
+    assert_eq!(times, [0, 0, 1, 2, 2, 4, 5, 6, 6, 8, 9, 10, 11, 11, 11, 12, 13, 14, 15, 16, 17]);
+    let expected: Vec<Vec<u8>> = hurt.into_iter().map(|(_, frame)| frame).collect();
+    let got: Vec<Vec<u8>> = pieces[1..].iter().map(|(_, piece)| piece.clone()).collect();
+    assert_eq!(got, expected);
+}
+
+#[test]
+fn frames_without_stamps_are_a_raw_capture() {
+    let frames: Vec<u8> = tlog().into_iter().flat_map(|(_, frame)| frame).collect();
+    assert_eq!(detect(file(".tlog", &frames).path()).expect("readable"), FileKind::Raw);
 }
 
 #[test]
@@ -160,6 +239,20 @@ proptest! {
     #[test]
     fn any_line_is_read_or_refused(line: Vec<u8>) {
         let _ = parse_candump_line(&line);
+    }
+
+    #[test]
+    fn every_byte_of_a_damaged_telemetry_log_is_given_out_but_stamps(
+        flips in proptest::collection::vec((any::<proptest::sample::Index>(), any::<u8>()), 0..20), cut in 0usize..2000,
+    ) {
+        let mut bytes = logged(&tlog());
+        flips.iter().for_each(|(at, flip)| *at.get_mut(&mut bytes[..]) ^= flip);
+        bytes.truncate(bytes.len().saturating_sub(cut));
+        let mut link = TlogReplay::new("log".to_owned(), &bytes[..]);
+        let pieces = drain(&mut link);
+        let given: usize = pieces.iter().map(|(_, piece)| piece.len()).sum();
+        prop_assert!(given <= bytes.len() && bytes.len() <= given + 8 * pieces.len());
+        prop_assert!(pieces.is_sorted_by_key(|(at, _)| *at));
     }
 
     #[test]

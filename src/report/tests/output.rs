@@ -87,6 +87,14 @@ recording run.mcap
 }
 
 #[test]
+fn the_age_of_the_newest_sample_is_told_where_it_is_known() {
+    let mut summary = summary();
+    summary.timing.max_sample_age_ms = Some(23.4);
+    let text = table::render(&summary, false);
+    assert!(text.contains("0 overruns\nage     newest sample 23 ms at most\n"), "{text}");
+}
+
+#[test]
 fn colour_adds_nothing_but_colour() {
     let coloured = table::render(&summary(), true);
     assert!(coloured.contains("\x1b[32m") && coloured.contains("\x1b[34m"));

@@ -61,6 +61,35 @@ fn a_raw_capture_and_its_damage() {
     assert_eq!(number(&run, "/samples"), 1501.0);
 }
 
+/// The numbers of `imu-logs/PROVENANCE.md`.
+#[test]
+fn a_telemetry_log() {
+    let Some(log) = shared_log("mavlink/ardusub_small.tlog") else { return };
+    let place = Place::new();
+    let json = place.run(&["inspect", &log, "--json"]).done().json();
+    assert_eq!((&json["kind"], &json["protocol"]), (&"tlog".into(), &"mavlink".into()));
+    assert_eq!((number(&json, "/samples"), number(&json, "/link/packets")), (528.0, 35_916.0));
+    for count in ["bad_checksum", "bytes_skipped", "missing"] {
+        assert_eq!(number(&json, &format!("/link/{count}")), 0.0, "{count}");
+    }
+    assert!((number(&json, "/duration_s") - 263.5).abs() < 0.05);
+    for (what, mg, tolerance) in [("min", -1053.0, 1e-6), ("max", -956.0, 1e-6), ("mean", -999.0, 0.05)] {
+        let found = number(&json, &format!("/specific_force_m_s2/{what}/2")) / 9.80665e-3;
+        assert!((found - mg).abs() < tolerance, "{what}: {found} mg");
+    }
+    let notes = json["notes"].to_string();
+    for part in
+        ["RAW_IMU of system 1", "says ArduPilot", "528 messages of a sensor held zeros", "4 packets were cut"]
+    {
+        assert!(notes.contains(part), "{part} is missing in {notes}");
+    }
+    // Two samples a second by the log's own stamps: enough to stay linked, and no second of it is skipped.
+    let run =
+        place.run(&["run", "--device", &format!("replay:{log}"), "--pace", "max", "--json"]).done().json();
+    assert_eq!(number(&run, "/samples"), 528.0);
+    assert!((number(&run, "/duration_s") - 263.2).abs() < 0.1, "{run:#}");
+}
+
 #[test]
 fn a_candump_log_of_our_frames() {
     let place = Place::new();

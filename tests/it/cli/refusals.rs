@@ -192,8 +192,8 @@ fn logs_and_mappings_that_do_not_fit() {
     place.write("log.txt", &good);
     run(&[]).refused(2, &["log.txt: ", "mapping", "--log-map"]);
     run(&["--protocol", "text"]).refused(2, &["log.txt: ", "mapping", "--log-map"]);
-    run(&["--protocol", "morse"])
-        .refused(2, &["protocol `morse` is not known", "otolith-serial, otolith-can", "text"]);
+    let known = otolith::device::protocol::detect::protocol_names();
+    run(&["--protocol", "morse"]).refused(2, &["protocol `morse` is not known", &known]);
     let phone = shipped("configs/logs/phyphox.toml");
     run(&["--log-map", &phone]).refused(2, &["log.txt: no column \"Gyroscope x (rad/s)\"", "gyro.columns"]);
     for (line, parts) in [

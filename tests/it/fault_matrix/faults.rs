@@ -4,6 +4,8 @@ use std::io::ErrorKind;
 use std::sync::Arc;
 
 use otolith::device::LinkStatus;
+use otolith::device::can::bus::BusState;
+use otolith::device::fault::WrongBaud;
 use otolith::runtime::trouble::Trouble;
 
 use super::streams::{Content, Packet, Sample, Stream};
@@ -256,10 +258,13 @@ pub(super) fn case(fault: &str, stream: &Stream, at_ms: u64, end_ms: u64) -> Res
             only_can()?;
             let is_bus_off = fault == "bus off";
             let mut case = spanned(stream, in_case(packets), ends_ms);
-            case.signs = vec![Sign::Trouble(if is_bus_off { Trouble::BusOff } else { Trouble::BusErrors })];
+            let state = if is_bus_off { BusState::BusOff } else { BusState::InterfaceDown };
+            case.signs =
+                vec![Sign::Trouble(if is_bus_off { Trouble::BusOff } else { Trouble::InterfaceDown })];
             case.status = Arc::new(move |now_ms| LinkStatus {
                 bus_errors: u64::from(now_ms >= begins_ms),
                 bus_off: u64::from(is_bus_off && now_ms >= begins_ms),
+                bus_state: if in_span(now_ms) { state } else { BusState::ErrorActive },
                 ..LinkStatus::default()
             });
             case
@@ -302,7 +307,7 @@ fn wrong_baud(stream: &Stream, case: Case, ends_ms: u64) -> Case {
         .packets
         .iter()
         .map(|packet| match (begins_ms..ends_ms).contains(&packet.at_ms) {
-            true => Packet { bytes: at_wrong_baud(&packet.bytes), ..packet.clone() },
+            true => Packet { bytes: misread(&packet.bytes), ..packet.clone() },
             false => packet.clone(),
         })
         .collect();
@@ -315,6 +320,9 @@ fn wrong_baud(stream: &Stream, case: Case, ends_ms: u64) -> Case {
     case
 }
 
-fn at_wrong_baud(bytes: &[u8]) -> Vec<u8> {
-    bytes.iter().map(|byte| byte.rotate_left(3) ^ 0x5A).collect() // TEMP
+fn misread(sent: &[u8]) -> Vec<u8> {
+    let wrong = WrongBaud { sent_baud: 115_200, read_baud: 57_600, keep_framing_errors: true };
+    let mut read = Vec::new();
+    wrong.misread(sent, &mut read);
+    read
 }

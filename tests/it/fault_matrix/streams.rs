@@ -86,7 +86,6 @@ pub(super) fn all() -> Vec<Stream> {
     streams.extend(captured("xsens_mtdata2_100hz_gnss.bin", cut_xbus).map(xbus));
     streams.extend(captured("microstrain_mip_125hz.bin", cut_mip).map(mip));
     streams.extend(captured("openimu_z1.raw", cut_openimu).map(openimu));
-    streams.retain(|stream| stream.name == "text" || otolith::device::protocol::detect::PROTOCOLS.iter().any(|protocol| protocol.name == stream.name)); // TEMP
     streams
 }
 

@@ -1,7 +1,7 @@
 //! Mapping files: which column of a text log is what, in which unit.
 
 use super::error::TextError;
-use crate::units::{RAD_PER_DEG, STANDARD_GRAVITY};
+use crate::device::protocol::quantity::{ForceUnit, RateUnit, TimeUnit};
 
 /// Highest column number that may be mapped; lines hold at most 4096 bytes.
 const MAX_COLUMN: usize = 1024;
@@ -25,53 +25,12 @@ impl std::fmt::Display for Column {
     }
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-enum TimeUnit {
-    #[serde(rename = "s")]
-    Seconds,
-    #[serde(rename = "ms")]
-    Milliseconds,
-    #[serde(rename = "us")]
-    Microseconds,
-    #[serde(rename = "ns")]
-    Nanoseconds,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-enum RateUnit {
-    #[serde(rename = "rad/s")]
-    RadPerSecond,
-    #[serde(rename = "deg/s")]
-    DegPerSecond,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-enum ForceUnit {
-    #[serde(rename = "m/s^2")]
-    MetrePerSecondSquared,
-    #[serde(rename = "g")]
-    G,
-    #[serde(rename = "mg")]
-    MilliG,
-}
-
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 struct TimeTable {
     column: Column,
     unit: TimeUnit,
     wraps_after: Option<f64>,
-}
-
-impl TimeTable {
-    fn seconds_per_unit(&self) -> f64 {
-        match self.unit {
-            TimeUnit::Seconds => 1.0,
-            TimeUnit::Milliseconds => 1e-3,
-            TimeUnit::Microseconds => 1e-6,
-            TimeUnit::Nanoseconds => 1e-9,
-        }
-    }
 }
 
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -99,7 +58,7 @@ fn all_positive() -> [i8; 3] {
 /// note = "..."           # what to know about such logs; shown by `otolith inspect`
 /// [time]
 /// column = "t"           # name in the header, or number from 1
-/// unit = "s"             # s, ms, us, ns
+/// unit = "s"             # s, ms, us, ns; 100us for counters of ten thousandths
 /// wraps_after = 4294967296       # the column returns to zero after so many units; default never
 /// [gyro]
 /// columns = ["gx", "gy", "gz"]   # sensor axes x, y, z
@@ -171,7 +130,7 @@ impl TextMapping {
     /// Period of the time column, µs, where it wraps.
     pub(super) fn wraps_after_us(&self) -> Option<u64> {
         let time = self.time.as_ref()?;
-        time.wraps_after.map(|wrap| (wrap * time.seconds_per_unit() * 1e6).round().max(1.0) as u64)
+        time.wraps_after.map(|wrap| (wrap * time.unit.seconds() * 1e6).round().max(1.0) as u64)
     }
 
     fn check(&self, file: &str) -> Result<(), TextError> {
@@ -236,21 +195,16 @@ impl TextMapping {
 
     /// The numbers of a row: gyro x y z, then specific force x y z, then time; the last four may be missing.
     pub(super) fn fields(&self) -> Vec<Field> {
-        let rate_factor = match self.gyro.unit {
-            RateUnit::RadPerSecond => 1.0,
-            RateUnit::DegPerSecond => RAD_PER_DEG,
-        };
-        let mut fields = vector_fields("gyro.columns", &self.gyro, rate_factor);
+        let mut fields = vector_fields("gyro.columns", &self.gyro, self.gyro.unit.radians_per_second());
         if let Some(force) = &self.specific_force {
-            let factor = match force.unit {
-                ForceUnit::MetrePerSecondSquared => 1.0,
-                ForceUnit::G => STANDARD_GRAVITY,
-                ForceUnit::MilliG => 1e-3 * STANDARD_GRAVITY,
-            };
-            fields.extend(vector_fields("specific_force.columns", force, factor));
+            fields.extend(vector_fields(
+                "specific_force.columns",
+                force,
+                force.unit.metres_per_second_squared(),
+            ));
         }
         if let Some(time) = &self.time {
-            let (column, factor) = (time.column.clone(), time.seconds_per_unit());
+            let (column, factor) = (time.column.clone(), time.unit.seconds());
             fields.push(Field { key: "time.column", column, factor, full_scale: f64::INFINITY });
         }
         fields

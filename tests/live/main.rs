@@ -6,8 +6,13 @@
 // A device lives by the clock.
 #![allow(clippy::disallowed_methods)]
 
+#[path = "../common/chair_can.rs"]
+mod chair_can;
+mod foreign;
+mod port;
+mod slcan;
+
 use std::io::Write as _;
-use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::Mutex;
@@ -16,9 +21,7 @@ use std::time::{Duration, Instant};
 use otolith_firmware_protocol::MAX_FRAME;
 use otolith_firmware_protocol::message::{Hello, Message, Sample16};
 use otolith_firmware_protocol::stream::StreamEncoder;
-use rustix::fs::OFlags;
-use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+use port::Port;
 use serde_json::Value;
 
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
@@ -33,35 +36,6 @@ struct Sample {
     t_s: f64,
     omega: [f64; 3],
     force: [f64; 3],
-}
-
-/// The device's end of a pseudo-terminal.
-struct Port {
-    master: OwnedFd,
-}
-
-impl Port {
-    fn plug_in(link: &Path) -> Self {
-        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
-        grantpt(&master).unwrap();
-        unlockpt(&master).unwrap();
-        // Raw from the start: what is sent before the program opens the port must not be echoed or cooked.
-        let mut settings = tcgetattr(&master).unwrap();
-        settings.make_raw();
-        tcsetattr(&master, OptionalActions::Now, &settings).unwrap();
-        rustix::fs::fcntl_setfl(&master, OFlags::NONBLOCK).unwrap();
-        let name = ptsname(&master, Vec::new()).unwrap().into_string().unwrap();
-        let _old = std::fs::remove_file(link);
-        std::os::unix::fs::symlink(name, link).unwrap();
-        Self { master }
-    }
-
-    /// Writes what fits; a device does not wait for its host. Requests of the host are read and ignored.
-    fn write(&self, bytes: &[u8]) {
-        let mut requests = [0; 256];
-        let _request = rustix::io::read(&self.master, &mut requests);
-        let _overflow = rustix::io::write(&self.master, bytes);
-    }
 }
 
 /// Firmware that speaks SAMPLE16.
@@ -216,12 +190,10 @@ fn verified(recording: &Path) {
     assert_eq!(report["verify"]["bit_identical"], Value::Bool(true), "{}", report["verify"]);
 }
 
-/// The turntable log of the shared data; `None` when it is not here and need not be.
-fn turntable_log() -> Option<PathBuf> {
-    let name = "../shared/imu-logs/turntable/roomba_circular_start_rotate_stop.txt";
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
+/// A file of the shared data; `None` when it is not here and need not be.
+fn shared(path: &Path) -> Option<PathBuf> {
     if path.exists() {
-        return Some(path);
+        return Some(path.to_owned());
     }
     assert!(std::env::var_os("CI").is_none(), "{} is missing", path.display());
     // Past the harness, which shows the output of failed tests only.
@@ -232,7 +204,8 @@ fn turntable_log() -> Option<PathBuf> {
 #[test]
 fn a_real_recording_through_a_serial_port_gives_the_peaks_of_its_replay() {
     let _alone = ONE_AT_A_TIME.lock();
-    let Some(log) = turntable_log() else { return };
+    let name = "../shared/imu-logs/turntable/roomba_circular_start_rotate_stop.txt";
+    let Some(log) = shared(&Path::new(env!("CARGO_MANIFEST_DIR")).join(name)) else { return };
     let folder = tempfile::tempdir().unwrap();
     let samples: Vec<Sample> = std::fs::read_to_string(&log)
         .unwrap()

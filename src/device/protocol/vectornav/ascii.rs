@@ -1,0 +1,170 @@
+//! `$VNxxx,field,field*HH\r\n`: sentences, their checksums and the measurements in them.
+
+use nalgebra::Vector3;
+
+use crate::device::protocol::crc::xmodem;
+use crate::device::protocol::frames::Look;
+
+/// Longest sentence taken as one, bytes: the longest answer of a device has about 200.
+const LONGEST: usize = 256;
+/// `$VNxxx`.
+const NAME_END: usize = 6;
+
+/// Whether a sentence begins at the `$` in front.
+pub(super) fn look(bytes: &[u8]) -> Look {
+    let Some(star) = bytes.iter().position(|&byte| byte == b'*') else { return unfinished(bytes) };
+    let sentence = unfinished(&bytes[..star]);
+    if sentence != Look::Incomplete || star < NAME_END {
+        return if sentence == Look::Incomplete { Look::NoFrame } else { sentence };
+    }
+    let digits = bytes[star + 1..].iter().take(4).take_while(|byte| byte.is_ascii_hexdigit()).count();
+    let end = star + 1 + digits;
+    let line_end = match (bytes.get(end), bytes.get(end + 1)) {
+        (None, _) | (Some(b'\r'), None) => return Look::Incomplete,
+        (Some(b'\r'), Some(b'\n')) => 2,
+        (Some(b'\r' | b'\n'), _) => 1,
+        // `*XX` asks for no check; only a command does, and what cannot be judged is not taken.
+        (Some(b'X'), _) if digits == 0 => return Look::NoFrame,
+        _ => return Look::Damaged,
+    };
+    let written = bytes[star + 1..end].iter().try_fold(0, |sum, &digit| {
+        let value = (digit as char).to_digit(16)?;
+        Some(sum << 4 | value)
+    });
+    let body = &bytes[1..star];
+    let expected = match digits {
+        2 => u32::from(xor8(body)),
+        4 => u32::from(xmodem(body)),
+        _ => return Look::Damaged,
+    };
+    if written == Some(expected) { Look::Frame(end + line_end) } else { Look::Damaged }
+}
+
+/// Judges a sentence that has not come to its `*`: incomplete as long as every byte fits one.
+fn unfinished(bytes: &[u8]) -> Look {
+    let fits = |(at, &byte): (usize, &u8)| match at {
+        0..3 => byte == b"$VN"[at],
+        3..NAME_END => byte.is_ascii_uppercase() || byte.is_ascii_digit(),
+        NAME_END => byte == b',',
+        _ => (b' '..=b'~').contains(&byte) && byte != b'$',
+    };
+    match bytes.iter().enumerate().position(|place| !fits(place)) {
+        Some(at) if at <= NAME_END => Look::NoFrame,
+        Some(_) => Look::Damaged,
+        None if bytes.len() > LONGEST => Look::Damaged,
+        None => Look::Incomplete,
+    }
+}
+
+fn xor8(bytes: &[u8]) -> u8 {
+    bytes.iter().fold(0, |sum, byte| sum ^ byte)
+}
+
+/// A sentence with its checksum and line end, as a device takes it.
+pub(in crate::device) fn sentence(body: &str) -> Vec<u8> {
+    format!("${body}*{:02X}\r\n", xor8(body.as_bytes())).into_bytes()
+}
+
+/// The bodies (between `$` and `*`) of all good sentences in `bytes`, whatever stands between them.
+pub(in crate::device) fn bodies(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
+    let starts = bytes.iter().enumerate().filter(|(_, byte)| **byte == b'$');
+    starts.filter_map(|(at, _)| match look(&bytes[at..]) {
+        Look::Frame(length) => Some(body(&bytes[at..at + length])),
+        _ => None,
+    })
+}
+
+/// What stands between `$` and `*` of a good sentence.
+pub(super) fn body(sentence: &[u8]) -> &[u8] {
+    let star = sentence.iter().position(|&byte| byte == b'*').unwrap_or(sentence.len());
+    sentence.get(1..star).unwrap_or_default()
+}
+
+/// The code of a `VNERR` body; `None` for any other body.
+///
+/// The codes are printed with two digits. Taken as hexadecimal, and as decimal where that is no code: no two codes
+/// look alike.
+pub(in crate::device) fn error_code(body: &[u8]) -> Option<u8> {
+    let digits = std::str::from_utf8(body.strip_prefix(b"VNERR,")?).ok()?;
+    let known = |code: &u8| error_meaning(*code).is_some();
+    let hexadecimal = u8::from_str_radix(digits, 16).ok().filter(known);
+    hexadecimal.or_else(|| digits.parse().ok().filter(known)).or(Some(0))
+}
+
+/// What a code of `VNERR` means; `None` for one that is in no manual.
+pub(in crate::device) fn error_meaning(code: u8) -> Option<&'static str> {
+    Some(match code {
+        1 => "hard fault",
+        2 => "serial buffer overflow: it is written to faster than it reads",
+        3 => "a command had a wrong checksum",
+        4 => "it does not know a command",
+        5 => "a command had too few parameters",
+        6 => "a command had too many parameters",
+        7 => "a command had a parameter it does not take",
+        8 => "it does not have a register",
+        9 => "a register may not be written",
+        10 => "it was restarted by its watchdog",
+        11 => "output buffer overflow: more output than the line carries",
+        12 => "the baud rate is too low for the output",
+        255 => "so many errors that some were not reported",
+        _ => return None,
+    })
+}
+
+/// Fields of a sentence before its first measurement of each kind; `None` where it has no specific force.
+const MEASUREMENTS: [(&[u8; 3], Option<usize>, usize); 9] = [
+    (b"YMR", Some(6), 9),
+    (b"QMR", Some(7), 10),
+    (b"MAR", Some(3), 6),
+    (b"IMU", Some(3), 6),
+    (b"QAR", Some(4), 7),
+    // The accelerations of these two are without gravity: no specific force.
+    (b"YBA", None, 6),
+    (b"YIA", None, 6),
+    (b"QTR", None, 4),
+    (b"GYR", None, 0),
+];
+
+/// The measurements of one sentence, sensor frame, SI.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Measured {
+    /// The three letters after `VN`.
+    pub(super) name: [u8; 3],
+    pub(super) omega_imu: Vector3<f64>,
+    pub(super) specific_force_imu: Option<Vector3<f64>>,
+}
+
+/// What a body says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Said {
+    /// An angular rate, and a specific force if the sentence has one.
+    Measured(Measured),
+    /// A sentence of measurements with fields that are missing or no numbers.
+    Unreadable,
+    /// The device reports an error.
+    Error(u8),
+    /// Answers, attitude, position and everything else.
+    Other,
+}
+
+/// Reads a body. Fields behind the measurements are left alone: a device may append a count or its status.
+pub(super) fn read(body: &[u8]) -> Said {
+    if let Some(code) = error_code(body) {
+        return Said::Error(code);
+    }
+    let entry = MEASUREMENTS.iter().find(|(name, ..)| body.get(2..5) == Some(&name[..]));
+    let Some(&(name, force_at, omega_at)) = entry else { return Said::Other };
+    let mut numbers = [f64::NAN; 13];
+    let fields = body.split(|&byte| byte == b',').skip(1);
+    for (number, field) in numbers.iter_mut().zip(fields) {
+        *number = std::str::from_utf8(field).ok().and_then(|text| text.parse().ok()).unwrap_or(f64::NAN);
+    }
+    let vector = |at: usize| Vector3::from_column_slice(&numbers[at..at + 3]);
+    let (omega_imu, specific_force_imu) = (vector(omega_at), force_at.map(vector));
+    let finite = |vector: &Vector3<f64>| vector.iter().all(|value| value.is_finite());
+    if finite(&omega_imu) && specific_force_imu.as_ref().is_none_or(finite) {
+        Said::Measured(Measured { name: *name, omega_imu, specific_force_imu })
+    } else {
+        Said::Unreadable
+    }
+}

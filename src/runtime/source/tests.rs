@@ -1,0 +1,200 @@
+use otolith_firmware_protocol::MAX_FRAME;
+use otolith_firmware_protocol::can::{CanMessage, Ids, Ranges};
+use otolith_firmware_protocol::message::{Batch16, Hello, Message};
+use otolith_firmware_protocol::stream::StreamEncoder;
+
+use super::*;
+use crate::device::can::bus::BusFault;
+use crate::device::protocol::native_can::NativeCanDecoder;
+use crate::device::protocol::native_serial::NativeSerialDecoder;
+use crate::imu::{Calibration, ImuSettings, Mount};
+
+/// Gives one frame at a time, then fails as a file does that cannot be read on.
+struct Frames(Vec<Vec<u8>>, Vec<u8>);
+
+impl Link for Frames {
+    fn receive(&mut self, _timeout: Duration) -> Result<Option<(HostTime, Traffic<'_>)>, LinkError> {
+        if self.0.is_empty() {
+            let source = std::io::ErrorKind::InvalidData.into();
+            return Err(LinkError::Lost { port: "log.bin".to_owned(), source });
+        }
+        self.1 = self.0.remove(0);
+        Ok(Some((HostTime(0), Traffic::Bytes(&self.1))))
+    }
+}
+
+struct Nowhere;
+
+impl SourceSink for Nowhere {
+    fn traffic(&mut self, _at: HostTime, _traffic: Traffic<'_>) {}
+    fn sample(&mut self, _sample: HeadSample) {}
+    fn event(&mut self, _at: HostTime, _text: &str) {}
+}
+
+/// A device that announces 1 kHz and sends batches of these sizes.
+fn batches(sizes: &[usize], baud: u32) -> Source {
+    let mut encoder = StreamEncoder::new();
+    let mut out = [0; MAX_FRAME];
+    let hello = Hello {
+        flags: 0,
+        device_id: 1,
+        firmware: 1,
+        rate_millihertz: 1_000_000,
+        gyro_scale: 1e-3,
+        accel_scale: 1e-3,
+        gyro_range_dps: 500,
+        accel_range_g: 4,
+        caps: 0,
+        name: b"batch",
+    };
+    let mut frames = vec![encoder.encode(&Message::Hello(hello), &mut out).unwrap().to_vec()];
+    for (k, &size) in sizes.iter().enumerate() {
+        let rows = vec![Batch16::row([0; 3], [0, 0, 9807]); size];
+        let batch = Message::Batch16(Batch16 { t_us: 1000 * k as u32, dt_us: 1000, rows: &rows });
+        frames.push(encoder.encode(&batch, &mut out).unwrap().to_vec());
+    }
+    let pipeline = ImuPipeline::new(&ImuSettings::default(), Calibration::default(), Mount::default(), 9.81);
+    let link = Box::new(Frames(frames, Vec::new()));
+    Source::new(link, Box::new(NativeSerialDecoder::new()), pipeline, Some(baud))
+}
+
+fn poll_all(source: &mut Source) -> DeviceError {
+    loop {
+        if let Err(error) = source.poll(Duration::ZERO, &mut Nowhere) {
+            return error;
+        }
+    }
+}
+
+#[test]
+fn short_batches_among_long_ones_are_no_reason_to_stop() {
+    let error = poll_all(&mut batches(&[1, 5, 5, 5, 5, 5, 1, 1, 1], 230_400));
+    assert!(matches!(error, DeviceError::File { .. }), "the end of the file, not the line: {error}");
+}
+
+/// A frame of a CAN bus again and again.
+struct Bus(u32, [u8; 8]);
+
+impl Link for Bus {
+    fn receive(&mut self, _timeout: Duration) -> Result<Option<(HostTime, Traffic<'_>)>, LinkError> {
+        Ok(Some((HostTime(0), Traffic::CanFrame { id: self.0, extended: false, data: &self.1 })))
+    }
+}
+
+/// A port that was lost and has turned up elsewhere, again and again.
+struct Moving(u64);
+
+impl Link for Moving {
+    fn receive(&mut self, _timeout: Duration) -> Result<Option<(HostTime, Traffic<'_>)>, LinkError> {
+        self.0 += 1;
+        Ok(None)
+    }
+
+    fn status(&self) -> LinkStatus {
+        LinkStatus { losses: self.0, reconnects: self.0, ..LinkStatus::default() }
+    }
+
+    fn port(&self) -> Option<&str> {
+        Some(["/dev/ttyUSB0", "/dev/ttyUSB1", "/dev/ttyUSB1"][self.0 as usize])
+    }
+}
+
+#[derive(Default)]
+struct Events(Vec<String>);
+
+impl SourceSink for Events {
+    fn traffic(&mut self, _at: HostTime, _traffic: Traffic<'_>) {}
+    fn sample(&mut self, _sample: HeadSample) {}
+    fn event(&mut self, _at: HostTime, text: &str) {
+        self.0.push(text.to_owned());
+    }
+}
+
+#[test]
+fn a_bus_too_slow_for_the_announced_rate_is_refused() {
+    let ranges = Ranges { gyro_range_dps: 500, accel_range_g: 4, rate_hz: 1000 };
+    let (id, data) = Ids::default().frame(&CanMessage::Ranges(ranges));
+    let poll = |bitrate| {
+        let pipeline =
+            ImuPipeline::new(&ImuSettings::default(), Calibration::default(), Mount::default(), 9.81);
+        let link = Box::new(Bus(id.into(), data));
+        let source = Source::new(link, Box::new(NativeCanDecoder::new(None)), pipeline, None);
+        source.on_can_bus(bitrate).poll(Duration::ZERO, &mut Nowhere)
+    };
+    assert!(poll(500_000).is_ok());
+    let error = poll(250_000).unwrap_err();
+    assert!(matches!(error, DeviceError::CanTooSlow { bitrate: 250_000, .. }), "{error}");
+}
+
+#[test]
+fn a_port_found_again_elsewhere_is_named_once() {
+    let pipeline = ImuPipeline::new(&ImuSettings::default(), Calibration::default(), Mount::default(), 9.81);
+    let mut source = Source::new(Box::new(Moving(0)), Box::new(NativeSerialDecoder::new()), pipeline, None);
+    let mut events = Events::default();
+    for _ in 0..2 {
+        source.poll(Duration::ZERO, &mut events).unwrap();
+    }
+    let lost = "connection lost; trying to reopen";
+    let found = "connection is back, found again as /dev/ttyUSB1";
+    assert_eq!(events.0, [lost, found, lost, "connection is back"]);
+}
+
+#[test]
+fn a_line_too_slow_for_the_announced_rate_is_refused() {
+    let error = poll_all(&mut batches(&[1, 1, 1, 1, 1, 1], 230_400));
+    assert!(matches!(error, DeviceError::SerialTooSlow { .. }), "{error}");
+}
+
+/// Shows one status after the other, and is silent.
+struct States(Vec<LinkStatus>);
+
+impl Link for States {
+    fn receive(&mut self, _timeout: Duration) -> Result<Option<(HostTime, Traffic<'_>)>, LinkError> {
+        if self.0.len() > 1 {
+            self.0.remove(0);
+        }
+        Ok(None)
+    }
+
+    fn status(&self) -> LinkStatus {
+        self.0[0]
+    }
+}
+
+#[test]
+fn what_a_bus_says_becomes_an_event_once() {
+    let mut status = LinkStatus::default();
+    let mut states = vec![status, status];
+    let mut then = |change: &dyn Fn(&mut LinkStatus)| {
+        change(&mut status);
+        states.extend([status, status]);
+    };
+    then(&|status| status.bus_state = BusState::BusOff);
+    then(&|status| status.bus_faults.insert(BusFault::NoAcknowledgement));
+    then(&|status| status.bus_faults.insert(BusFault::NoAcknowledgement));
+    then(&|status| status.bus_faults.insert(BusFault::StuffError));
+    then(&|status| status.bus_state = BusState::ErrorActive);
+    then(&|status| status.overflowed = 5);
+    then(&|status| status.overflowed = 6);
+    then(&|status| status.stamps_refused = 1);
+    let polls = states.len();
+    let pipeline = ImuPipeline::new(&ImuSettings::default(), Calibration::default(), Mount::default(), 9.81);
+    let mut source =
+        Source::new(Box::new(States(states)), Box::new(NativeSerialDecoder::new()), pipeline, None);
+    let mut events = Events::default();
+    for _ in 0..polls {
+        source.poll(Duration::ZERO, &mut events).expect("silence");
+    }
+    let firsts: Vec<&str> = events.0.iter().map(|text| text.split(';').next().unwrap_or("")).collect();
+    assert_eq!(
+        firsts,
+        [
+            "CAN controller: bus-off",
+            "CAN bus: no acknowledgement",
+            "CAN bus: stuff error",
+            "CAN controller: error-active",
+            "trouble: frames dropped by the kernel",
+            "receive stamps of the kernel cannot be right",
+        ]
+    );
+}
