@@ -1,17 +1,25 @@
 //! CAN frames as a DBC file and a mapping describe them.
 
+use std::sync::OnceLock;
+
 use otolith::device::protocol::can_map::{CAN_MAPS, CanMap, CanMapDecoder, ShippedCanMap};
 
 use crate::can::decode;
 use crate::seeds;
 
-/// The first byte chooses a map that comes with the program; frames follow.
+/// The maps that come with the program, compiled.
+fn shipped() -> &'static [CanMap] {
+    static MAPS: OnceLock<Vec<CanMap>> = OnceLock::new();
+    let compile = |map: &ShippedCanMap| CanMap::new(map.name, map.map, map.dbc_name, map.dbc);
+    MAPS.get_or_init(|| {
+        CAN_MAPS.iter().map(compile).collect::<Result<_, _>>().expect("they come with the program")
+    })
+}
+
+/// The first byte chooses one of them; frames follow.
 pub(crate) fn run(data: &[u8]) {
     let Some((&number, frames)) = data.split_first() else { return };
-    let shipped = &CAN_MAPS[usize::from(number) % CAN_MAPS.len()];
-    let map = CanMap::new(shipped.name, shipped.map, shipped.dbc_name, shipped.dbc)
-        .expect("it comes with the program");
-    follow(&map, frames);
+    follow(&shipped()[usize::from(number) % shipped().len()], frames);
 }
 
 /// A mapping, a zero byte, a DBC file, a zero byte, frames.

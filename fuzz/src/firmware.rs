@@ -26,7 +26,7 @@ pub(crate) fn stream(data: &[u8]) {
     });
     let pieces = || input.stream.split_inclusive(|byte| *byte == 0);
     let empty = pieces().filter(|piece| *piece == [0]).count();
-    let pending = pieces().last().filter(|piece| piece.last() != Some(&0)).map_or(0, <[u8]>::len);
+    let pending = pieces().next_back().filter(|piece| piece.last() != Some(&0)).map_or(0, <[u8]>::len);
     let counters = whole.counters();
     let told = framed as u64 + counters.bytes_skipped + empty as u64;
     let total = input.stream.len() as u64;

@@ -1,5 +1,5 @@
-//! Frames of the checksummed serial protocols, judged apart from the decoders: every checksum here is computed bit by
-//! bit from its definition. Shared by the fuzz targets and by `tests/it/damage.rs`.
+//! Frames of the checksummed serial protocols, judged apart from the decoders: every checksum here is computed
+//! without tables from its definition. Shared by the fuzz targets and by `tests/it/damage.rs`.
 
 /// A protocol whose frames carry a checksum.
 #[derive(Clone, Copy, Debug)]
@@ -138,24 +138,23 @@ fn sum(bytes: &[u8]) -> u8 {
     (bytes.iter().map(|byte| u32::from(*byte)).sum::<u32>() % 256) as u8
 }
 
-/// CRC with polynomial 0x1021, most significant bit first.
+/// CRC with polynomial 0x1021, most significant bit first. The eight steps of a byte at once: bit k of what is shifted out
+/// comes back at k, k + 5 and k + 12, and its upper half once more through its lower.
 fn crc_1021(start: u16, bytes: &[u8]) -> u16 {
-    let mut crc = start;
-    for bit in bytes.iter().flat_map(|byte| (0..8).rev().map(move |bit| byte >> bit & 1)) {
-        let carry = (crc >> 15) as u8 ^ bit;
-        crc = crc << 1 ^ if carry == 1 { 0x1021 } else { 0 };
-    }
-    crc
+    bytes.iter().fold(start, |crc, byte| {
+        let out = crc >> 8 ^ u16::from(*byte);
+        let out = out ^ out >> 4;
+        crc << 8 ^ out << 12 ^ out << 5 ^ out
+    })
 }
 
 /// The same polynomial, least significant bit first, as MAVLink has it.
 fn crc_1021_reflected(bytes: impl Iterator<Item = u8>) -> u16 {
-    let mut crc = 0xFFFF_u16;
-    for bit in bytes.flat_map(|byte| (0..8).map(move |bit| byte >> bit & 1)) {
-        let carry = crc as u8 & 1 ^ bit;
-        crc = crc >> 1 ^ if carry == 1 { 0x8408 } else { 0 };
-    }
-    crc
+    bytes.fold(0xFFFF, |crc: u16, byte| {
+        let out = crc as u8 ^ byte;
+        let out = u16::from(out ^ out << 4);
+        crc >> 8 ^ out << 8 ^ out << 3 ^ out >> 4
+    })
 }
 
 mod otolith {

@@ -4,10 +4,12 @@ use otolith::device::protocol::detect::{Bus, PROTOCOLS, decoder_by_name};
 
 use crate::{can, can_map, damage, files, firmware, recording, replay, seeds, serial, slcan, strings, text};
 
+type Run = Box<dyn Fn(&[u8]) + Send + Sync>;
+
 /// Something that takes any bytes.
 pub(crate) struct Target {
     pub(crate) name: String,
-    pub(crate) run: Box<dyn Fn(&[u8]) + Send + Sync>,
+    pub(crate) run: Run,
     /// Inputs to start from.
     pub(crate) seeds: fn() -> Vec<Vec<u8>>,
 }
