@@ -76,7 +76,8 @@ fn our_own_protocol_is_named_with_rate_and_sample() {
     assert_eq!((&heard["baud"], &heard["announced_rate_hz"]), (&115_200.into(), &200.0.into()));
     assert!((number(&heard, "/sample/specific_force_m_s2/2") - 9.807).abs() < 0.05, "{heard:#}");
     assert!(number(&heard, "/sample/gyro_deg_s/2").abs() < 0.5);
-    assert_eq!(number(&heard, "/counters/bad_checksum"), 0.0);
+    // The frame in which listening begins may be cut.
+    assert!(number(&heard, "/counters/bad_checksum") <= 1.0, "{heard:#}");
     assert!(heard["notes"].to_string().contains("pseudo-terminal"), "{heard:#}");
 }
 
