@@ -169,6 +169,8 @@ fn losses_are_told_when_they_are_more_than_a_few() {
         told_of(|heard| heard.counters = DecodeCounters { packets: 1000, bad_checksum, ..heard.counters })
     };
     assert_eq!(bad(9).0, [""; 0]);
+    let first_cut = |heard: &mut Heard| (heard.counters.packets, heard.counters.bad_checksum) = (30, 1);
+    assert_eq!(told_of(first_cut).0, [""; 0]);
     assert_told(bad(20), "checksum", &["20 of 1020 packets are damaged"]);
     let missing = |heard: &mut Heard| heard.counters.missing = 5;
     assert_told(told_of(missing), "loss", &["5 packets are missing"]);
