@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::failure::Failure;
 use crate::config::{Config, ConfigError, Sensor};
+use crate::device::can::can_details;
 use crate::device::configure::Plan;
 use crate::device::fault::FaultInjector;
 use crate::device::protocol::PacketDecoder;
@@ -71,7 +72,20 @@ pub(super) fn open_source(
         _ => None,
     };
     let pipeline = ImuPipeline::new(&config.imu, sensor.calibration, sensor.mount, gravity);
-    Ok(Source::new(link, decoder, pipeline, baud))
+    let source = Source::new(link, decoder, pipeline, baud);
+    Ok(match bus_bitrate(selector) {
+        Some(bitrate) => source.on_can_bus(bitrate),
+        None => source,
+    })
+}
+
+/// Bit rate of the CAN bus a selector names, where the system or the selector knows it.
+fn bus_bitrate(selector: &Selector) -> Option<u32> {
+    match selector {
+        Selector::Can { interface, .. } => can_details(interface)?.bitrate,
+        Selector::Slcan { bitrate, .. } => Some(*bitrate),
+        _ => None,
+    }
 }
 
 /// The commands `--configure` asks for, with the port they are for and its baud rate.
