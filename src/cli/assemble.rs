@@ -32,16 +32,13 @@ pub(super) fn open_source(
     clock: &Arc<dyn Clock>,
 ) -> Result<Source, Failure> {
     let sensor = config.sensor()?;
-    check_text_log(config, selector, &sensor)?;
-    let live = matches!(selector, Selector::Serial { .. } | Selector::Can { .. });
+    let live = is_live(selector);
     if live && pace == Pace::Max {
         return Err(Failure::usage(format!(
             "{selector}: a device runs in real time, --pace max is for recordings and mocks\n\nhint: leave --pace out"
         )));
     }
-    let decoder = decoder(config.protocol.as_deref(), selector, sensor.mapping.as_ref())?;
-    let stamper = sensor.mapping.as_ref().filter(|_| decoder.protocol() == TEXT).map(line_stamper);
-    let link = device::open(selector, clock, stamper)?;
+    let (link, decoder) = open_link(config, selector, &sensor, clock)?;
     let link: Box<dyn Link> = match &config.faults {
         Some(plan) => Box::new(FaultInjector::new(link, plan.clone())?),
         None => link,
@@ -56,6 +53,27 @@ pub(super) fn open_source(
     };
     let pipeline = ImuPipeline::new(&config.imu, sensor.calibration, sensor.mount, gravity);
     Ok(Source::new(link, decoder, pipeline, baud))
+}
+
+/// Whether the device runs in real time whatever the program does.
+pub(super) fn is_live(selector: &Selector) -> bool {
+    matches!(selector, Selector::Serial { .. } | Selector::Can { .. })
+}
+
+/// An open device and the decoder of its traffic.
+type Opened = (Box<dyn Link>, Box<dyn PacketDecoder>);
+
+/// Opens the device and picks the decoder of its traffic.
+pub(super) fn open_link(
+    config: &Config,
+    selector: &Selector,
+    sensor: &Sensor,
+    clock: &Arc<dyn Clock>,
+) -> Result<Opened, Failure> {
+    check_text_log(config, selector, sensor)?;
+    let decoder = decoder(config.protocol.as_deref(), selector, sensor.mapping.as_ref())?;
+    let stamper = sensor.mapping.as_ref().filter(|_| decoder.protocol() == TEXT).map(line_stamper);
+    Ok((device::open(selector, clock, stamper)?, decoder))
 }
 
 /// The decoder that was asked for, or the one that fits the device.

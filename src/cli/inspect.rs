@@ -88,7 +88,8 @@ fn recording(args: &InspectArgs) -> Result<Inspection, Failure> {
         None => Config::default(),
     };
     let recorded_map = recording.header().and_then(|header| header.models.get(SENSOR_LOG_MAP));
-    let mut decoder = decoder_of_recording(args, &config, recorded_map.map(String::as_str))?;
+    let flags = (args.protocol.as_deref(), args.log_map.as_ref());
+    let mut decoder = decoder_of_recording(flags, &config, recorded_map.map(String::as_str))?;
     let mut tally = Tally::default();
     for piece in recording.traffic()? {
         let piece = piece?;
@@ -105,18 +106,18 @@ fn recording(args: &InspectArgs) -> Result<Inspection, Failure> {
 }
 
 /// The decoder for the traffic of a recording, from the flags or else from the recorded configuration and mapping.
-fn decoder_of_recording(
-    args: &InspectArgs,
+pub(super) fn decoder_of_recording(
+    (protocol, log_map): (Option<&str>, Option<&PathBuf>),
     config: &Config,
     recorded_map: Option<&str>,
 ) -> Result<Box<dyn PacketDecoder>, Failure> {
     let selector: Selector = config.device.as_deref().unwrap_or("mock:chair").parse()?;
-    let mapping = match (&args.log_map, recorded_map) {
-        (Some(_), _) => log_mapping(args.log_map.clone())?,
+    let mapping = match (log_map, recorded_map) {
+        (Some(_), _) => log_mapping(log_map.cloned())?,
         (None, Some(text)) => Some(TextMapping::from_toml(SENSOR_LOG_MAP, text).map_err(ConfigError::from)?),
         (None, None) => None,
     };
-    let protocol = args.protocol.as_deref().or(config.protocol.as_deref());
+    let protocol = protocol.or(config.protocol.as_deref());
     let decoder: Box<dyn PacketDecoder> = match (protocol, mapping) {
         (Some(TEXT), Some(mapping)) => Box::new(TextDecoder::new(&mapping)),
         (None, Some(mapping)) if matches!(selector, Selector::Replay { .. } | Selector::Serial { .. }) => {

@@ -1,6 +1,8 @@
 //! The command line: one file per command. Results go to stdout, all else to stderr.
 
 mod assemble;
+mod calibrate;
+mod chair;
 mod console;
 mod demo;
 mod devices;
@@ -8,6 +10,7 @@ mod failure;
 mod inspect;
 mod outputs;
 pub mod perceive;
+mod readings;
 mod replay;
 mod reproduce;
 mod run;
@@ -32,6 +35,8 @@ pub use failure::{Failure, FailureKind};
     otolith run --device serial:/dev/ttyUSB0 --out my-run --record my-run.mcap\n  \
     otolith run --device replay:log.txt --log-map configs/logs/turntable-lsm9ds1.toml --pace max\n  \
     otolith replay my-run.mcap --verify\n  \
+    otolith calibrate --device serial:/dev/ttyUSB0 --turned-deg 1080 --out my-sensor\n  \
+    otolith chair my-run.mcap                         what the chair really did\n  \
     otolith reproduce                                 the paper's claims and figures"
 )]
 struct Cli {
@@ -52,6 +57,8 @@ enum Command {
     Perceive(perceive::PerceiveArgs),
     Devices(devices::DevicesArgs),
     Inspect(inspect::InspectArgs),
+    Calibrate(Box<calibrate::CalibrateArgs>),
+    Chair(chair::ChairArgs),
 }
 
 /// Parses the arguments of the process, runs the command, and gives its exit code.
@@ -69,6 +76,8 @@ pub fn main() -> ExitCode {
         }),
         Command::Devices(_) => devices::run(json),
         Command::Inspect(args) => inspect::run(args, json),
+        Command::Calibrate(args) => calibrate::run(args, json),
+        Command::Chair(args) => chair::run(args, json),
     };
     result.unwrap_or_else(|failure| {
         show::note(&format!("error: {failure}"));

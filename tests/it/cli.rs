@@ -1,5 +1,7 @@
 //! The program as a user meets it: arguments in; exit code, stdout, stderr and files out.
 
+mod calibrate;
+mod chair;
 mod demo;
 mod inspect;
 mod logs;

@@ -7,7 +7,7 @@ use otolith::time::{Clock, SystemClock};
 
 use super::{Place, SHORT, number};
 
-const COMMANDS: [&str; 6] = ["demo", "run", "replay", "perceive", "devices", "inspect"];
+const COMMANDS: [&str; 8] = ["demo", "run", "replay", "perceive", "devices", "inspect", "calibrate", "chair"];
 
 #[test]
 fn every_help_teaches_by_examples() {
