@@ -9,10 +9,11 @@ use crate::survey::VectorEstimate;
 pub fn mount_toml(mount: &MountEstimate, source: &str) -> String {
     let mut out = heading(source);
     let [x, y, z] = mount.sigma_deg;
+    let z = if z > 0.0 { format!("{z:.3} deg") } else { "as given".to_owned() };
     // Writing to a String cannot fail.
     let _ = writeln!(
         out,
-        "# Standard uncertainty of the rotation about head x, y, z: {x:.3}, {y:.3}, {z:.3} deg.\n\
+        "# Standard uncertainty of the rotation about head x, y, z: {x:.3} deg, {y:.3} deg, {z}.\n\
          # A run levels the mount once more by gravity at its start, unless imu.level is false.\n\
          matrix = ["
     );

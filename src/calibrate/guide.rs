@@ -22,7 +22,7 @@ pub enum Step {
     Shake,
     /// Turn the chair.
     Spin,
-    /// Stand still at the end.
+    /// Finish the spin and stand still.
     LastRest,
     /// All there is to do is done.
     Done,
@@ -41,7 +41,7 @@ impl Step {
             Self::Spin => {
                 "spin: turn the chair at a steady rate by the turns you count, from mark to mark, and keep still"
             }
-            Self::LastRest => "keep still",
+            Self::LastRest => "finish the turns you count, then keep still for 2 s",
             Self::Done => "all motions were recognised",
         }
     }

@@ -97,7 +97,9 @@ pub(super) fn run(args: &CalibrateArgs, json: bool) -> Result<ExitCode, Failure>
     if let Some(folder) = &args.out {
         write(folder, &readings.source, &findings, &report)?;
     }
-    verdict(&findings, args.out.is_some())
+    verdict(&findings, args.out.is_some())?;
+    readings.check_whole()?;
+    Ok(ExitCode::SUCCESS)
 }
 
 fn settings(args: &CalibrateArgs) -> Result<CalibrateSettings, Failure> {
@@ -158,9 +160,9 @@ fn write(folder: &Path, source: &str, findings: &Findings, report: &Report) -> R
 }
 
 /// Fails when something that was asked for is missing.
-fn verdict(findings: &Findings, writes: bool) -> Result<ExitCode, Failure> {
+fn verdict(findings: &Findings, writes: bool) -> Result<(), Failure> {
     let missing: Vec<&Refusal> = findings.refusals.iter().filter(|refusal| refusal.needed).collect();
-    let Some(first) = missing.first() else { return Ok(ExitCode::SUCCESS) };
+    let Some(first) = missing.first() else { return Ok(()) };
     let reasons: Vec<String> =
         missing.iter().map(|refusal| format!("{}: {}", refusal.what, refusal.why)).collect();
     let mount = match (findings.mount.is_none(), writes) {

@@ -89,6 +89,7 @@ pub(super) fn run(args: &ChairArgs, json: bool) -> Result<ExitCode, Failure> {
             ),
         ));
     }
+    readings.check_whole()?;
     Ok(ExitCode::SUCCESS)
 }
 

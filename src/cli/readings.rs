@@ -10,7 +10,6 @@ use super::console::stop_on_ctrl_c;
 use super::failure::{Failure, FailureKind};
 use super::inspect::decoder_of_recording;
 use super::replay::{damage_text, open};
-use super::show;
 use crate::config::{Config, ConfigError, SENSOR_LOG_MAP};
 use crate::device::protocol::detect::TEXT;
 use crate::device::protocol::{ImuReading, PacketDecoder};
@@ -52,6 +51,18 @@ pub(super) struct Readings {
     pub(super) protocol: &'static str,
     /// In the order of time.
     pub(super) samples: Vec<Sample>,
+    /// What is damaged in the recording they come from.
+    damage: Option<String>,
+}
+
+impl Readings {
+    /// Fails when the readings come from a damaged recording: what was found in the rest of it stands.
+    pub(super) fn check_whole(&self) -> Result<(), Failure> {
+        match &self.damage {
+            Some(damage) => Err(Failure::new(FailureKind::DataLost, format!("{}: {damage}", self.source))),
+            None => Ok(()),
+        }
+    }
 }
 
 impl ReadingsArgs {
@@ -64,8 +75,11 @@ impl ReadingsArgs {
         }
         let readings = match (&self.file, &self.device) {
             (Some(file), _) if replay::detect(file)? == FileKind::Mcap => self.recorded(file)?,
-            (Some(file), _) => self.received(&format!("replay:{}", file.display()), &mut watch)?,
-            (None, Some(device)) => self.received(device, &mut watch)?,
+            (Some(file), _) => {
+                let name = file.display().to_string();
+                self.received(&name, format!("replay:{name}").parse()?, &mut watch)?
+            }
+            (None, Some(device)) => self.received(device, device.parse()?, &mut watch)?,
             (None, None) => return Err(ConfigError::NoDevice.into()),
         };
         if readings.samples.is_empty() {
@@ -90,15 +104,19 @@ impl ReadingsArgs {
         }
     }
 
-    fn received(&self, device: &str, watch: &mut dyn FnMut(&[Sample]) -> bool) -> Result<Readings, Failure> {
-        let selector: Selector = device.parse()?;
+    fn received(
+        &self,
+        name: &str,
+        selector: Selector,
+        watch: &mut dyn FnMut(&[Sample]) -> bool,
+    ) -> Result<Readings, Failure> {
         let config =
             Config { protocol: self.protocol.clone(), log_map: self.log_map.clone(), ..Config::default() };
         let clock: Arc<dyn Clock> = Arc::new(SystemClock::start_now());
         let (mut link, mut decoder) = open_link(&config, &selector, &config.sensor()?, &clock)?;
         let signals = Arc::new(Signals::default());
         stop_on_ctrl_c(&signals)?;
-        let mut collector = Collector::new(device, self.duration_s);
+        let mut collector = Collector::new(name, self.duration_s);
         let mut seen = 0;
         while !signals.stop.load(Ordering::Relaxed) && !collector.full()? {
             if !collector.take_from(link.as_mut(), decoder.as_mut())? {
@@ -135,10 +153,8 @@ impl ReadingsArgs {
             collector.take(decoder.as_mut(), piece.at, piece.traffic());
         }
         collector.finish(decoder.as_mut());
-        if !recording.damage().complete {
-            show::note(&format!("warning: {name}: {}", damage_text(recording.damage())));
-        }
-        Ok(collector.readings(decoder.as_ref()))
+        let damage = (!recording.damage().complete).then(|| damage_text(recording.damage()));
+        Ok(Readings { damage, ..collector.readings(decoder.as_ref()) })
     }
 }
 
@@ -235,6 +251,6 @@ impl Collector {
     }
 
     fn readings(self, decoder: &dyn PacketDecoder) -> Readings {
-        Readings { source: self.source, protocol: decoder.protocol(), samples: self.samples }
+        Readings { source: self.source, protocol: decoder.protocol(), samples: self.samples, damage: None }
     }
 }

@@ -172,10 +172,16 @@ fn without_onsets(samples: &[Sample], run: &[Span]) -> Option<Span> {
         })
         .collect();
     let middle = Vector3::from_fn(|i, _| median(&mut means.iter().map(|mean| mean[i]).collect::<Vec<_>>()));
-    // 1.4826 times the median deviation is the standard deviation of a normal scatter.
-    let scatter = Vector3::from_fn(|i, _| {
+    // 1.4826 times the median deviation is the standard deviation of a normal scatter. Of few windows it may come out
+    // small by chance: the samples' own scatter is the least that their means can have.
+    let by_median = Vector3::from_fn(|i, _| {
         1.4826 * median(&mut means.iter().map(|mean| (mean[i] - middle[i]).abs()).collect::<Vec<_>>())
     });
+    let inner = run.iter().zip(&means).map(|(window, mean)| {
+        let squares = window.of(samples).iter().map(|sample| (sample.omega_imu - mean).map(|d| d * d));
+        squares.sum::<Vector3<f64>>() / (window.count() * window.count()) as f64
+    });
+    let scatter = by_median.sup(&(inner.sum::<Vector3<f64>>() / run.len() as f64).map(f64::sqrt));
     let belongs =
         |mean: &Vector3<f64>| (0..3).all(|i| (mean[i] - middle[i]).abs() <= ONSET_SIGMAS * scatter[i]);
     let first = means.iter().position(belongs)?;

@@ -96,10 +96,8 @@ impl Report<'_> {
         let Some(mount) = &found.mount else { return Ok(()) };
         writeln!(f, "\nmount: head x, y, z in sensor axes, 1 sigma about each")?;
         for (row, sigma) in mount.matrix.iter().zip(mount.sigma_deg) {
-            writeln!(f, "  {:9.6} {:9.6} {:9.6}   {sigma:.3} deg", row[0], row[1], row[2])?;
-        }
-        if found.heading.is_some_and(|heading| heading.sigma_deg.is_none()) {
-            writeln!(f, "  the heading is as given")?;
+            let sigma = if sigma > 0.0 { format!("{sigma:.3} deg") } else { "as given".to_owned() };
+            writeln!(f, "  {:9.6} {:9.6} {:9.6}   {sigma}", row[0], row[1], row[2])?;
         }
         Ok(())
     }

@@ -97,3 +97,19 @@ fn a_chair_that_rests_has_no_spin() {
     assert_eq!(run.json()["spin"], Value::Null);
     place.run(&["chair", "--device", "mock:rest", "--commanded-rpm", "0"]).refused(2, &["--commanded-rpm"]);
 }
+
+#[test]
+fn a_damaged_recording_is_surveyed_as_far_as_it_is_good() {
+    let place = Place::new();
+    let device = "mock:chair?rest_s=3&spin_s=6&after_s=3";
+    place.run(&["run", "--device", device, "--pace", "max", "--record", "r.mcap"]).done();
+    let whole = std::fs::read(place.path("r.mcap")).expect("written");
+    place.write("cut.mcap", &whole[..whole.len() * 3 / 4]);
+    for command in
+        [&["chair", "cut.mcap", "--json"][..], &["calibrate", "cut.mcap", "--forward", "x", "--json"]]
+    {
+        let run = place.run(command);
+        run.complains(3, &["cut.mcap", "damaged"]);
+        assert!(number(&run.json(), "/sampling/samples") > 5000.0);
+    }
+}
