@@ -2,9 +2,9 @@
 
 use super::axis::{Plot, Scale, Ticks, padded_range};
 use super::legend::{self, Mark};
-use super::paint::Canvas;
+use super::paint::{Canvas, Pen};
 use super::time_panel::{Causes, Panel};
-use super::{BLUE_PEN, CHAIR_PEN, LEFT, RIGHT, SPIN, WIDTH, header, lettered_heading, series};
+use super::{CHAIR_PEN, LEFT, RIGHT, SPIN, WIDTH, header, lettered_heading, series};
 use crate::report::Window;
 
 const LEGEND: f64 = 64.0;
@@ -14,6 +14,7 @@ const HEIGHT: f64 = 150.0;
 const PITCH: f64 = 220.0;
 const TIMES_WANTED: usize = 10;
 const VALUES_WANTED: usize = 5;
+const SPECTRUM_PEN: Pen = Pen::solid("#0072B2", 1.0);
 
 /// A figure of one spin.
 #[derive(Clone, Copy, Debug)]
@@ -40,7 +41,7 @@ pub fn render(figure: &ChairFigure) -> String {
     header(&mut canvas, figure.title, figure.subtitle);
     let entries = [
         (Mark::Curve(CHAIR_PEN), "rate about the axis"),
-        (Mark::Curve(BLUE_PEN), "amplitude in the plateau"),
+        (Mark::Curve(SPECTRUM_PEN), "amplitude in the plateau"),
         (Mark::Shade(SPIN), "plateau"),
     ];
     legend::paint(&mut canvas, (LEFT, RIGHT), LEGEND, &entries);
@@ -53,7 +54,7 @@ pub fn render(figure: &ChairFigure) -> String {
             "rate (mdeg/s)",
             "frequency (Hz)",
             in_thousandths(figure.rate_spectrum),
-            BLUE_PEN,
+            SPECTRUM_PEN,
             Causes::default(),
         ),
         (
@@ -62,7 +63,7 @@ pub fn render(figure: &ChairFigure) -> String {
             "force (mm/s\u{b2})",
             "frequency (Hz)",
             in_thousandths(figure.force_spectrum),
-            BLUE_PEN,
+            SPECTRUM_PEN,
             Causes::default(),
         ),
     ];
