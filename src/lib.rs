@@ -4,6 +4,8 @@
 //! -> PerceivedBalance -> BalanceController -> torques -> dynamics -> CharacterState`, every tick recorded.
 
 pub mod balance;
+pub mod calibrate;
+pub mod chair;
 pub mod character;
 pub mod cli;
 pub mod config;
@@ -16,6 +18,7 @@ pub mod record;
 pub mod report;
 pub mod reproduce;
 pub mod runtime;
+pub mod survey;
 pub mod tick;
 pub mod time;
 pub mod units;

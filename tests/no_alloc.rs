@@ -134,7 +134,6 @@ fn decoders_do_not_touch_the_heap() {
         ("openimu", vectors("openimu-z1")),
         ("openimu", vectors("aceinna-S1")),
         ("witmotion", vectors("witmotion-serial")),
-        ("bno08x-rvc", vectors("bno08x-uart-rvc")),
     ] {
         let mut decoder = decoder_by_name(protocol).unwrap();
         decoder.allow_degraded();

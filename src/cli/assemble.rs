@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::failure::Failure;
 use crate::config::{Config, ConfigError, Sensor};
+use crate::device::can::can_details;
 use crate::device::configure::Plan;
 use crate::device::fault::FaultInjector;
 use crate::device::protocol::PacketDecoder;
@@ -33,31 +34,13 @@ pub(super) fn open_source(
     pace: Pace,
     clock: &Arc<dyn Clock>,
 ) -> Result<Source, Failure> {
-    let mut sensor = config.sensor()?;
-    let known = known_log(config, selector)?;
-    if let Some(known) = known {
-        sensor.mapping = Some(known.mapping().map_err(ConfigError::from)?);
-    }
-    if let Some(mapping) = &sensor.mapping {
-        let map_file = config.log_map.as_ref().map(|path| path.display().to_string());
-        let map_file = map_file.or(known.map(|known| known.file.to_owned())).unwrap_or_default();
-        check_text_log(selector, mapping, &map_file)?;
-    }
-    let live = matches!(selector, Selector::Serial { .. } | Selector::Can { .. } | Selector::Slcan { .. });
+    let live = is_live(selector);
     if live && pace == Pace::Max {
         return Err(Failure::usage(format!(
             "{selector}: a device runs in real time, --pace max is for recordings and mocks\n\nhint: leave --pace out"
         )));
     }
-    let mut decoder = decoder(config.protocol.as_deref(), selector, &sensor)?;
-    if config.allow_degraded {
-        decoder.allow_degraded();
-    }
-    let stamper = sensor.mapping.as_ref().filter(|_| decoder.protocol() == TEXT).map(line_stamper);
-    let link = match plan(config, selector)? {
-        Some((port, baud, plan)) => device::open_serial(port, baud, clock, Some(plan))?,
-        None => device::open(selector, clock, stamper)?,
-    };
+    let Opened { link, decoder, sensor } = open_link(config, selector, clock)?;
     let link: Box<dyn Link> = match &config.faults {
         Some(plan) => Box::new(FaultInjector::new(link, plan.clone())?),
         None => link,
@@ -71,7 +54,20 @@ pub(super) fn open_source(
         _ => None,
     };
     let pipeline = ImuPipeline::new(&config.imu, sensor.calibration, sensor.mount, gravity);
-    Ok(Source::new(link, decoder, pipeline, baud))
+    let source = Source::new(link, decoder, pipeline, baud);
+    Ok(match bus_bitrate(selector) {
+        Some(bitrate) => source.on_can_bus(bitrate),
+        None => source,
+    })
+}
+
+/// Bit rate of the CAN bus a selector names, where the system or the selector knows it.
+fn bus_bitrate(selector: &Selector) -> Option<u32> {
+    match selector {
+        Selector::Can { interface, .. } => can_details(interface)?.bitrate,
+        Selector::Slcan { bitrate, .. } => Some(*bitrate),
+        _ => None,
+    }
 }
 
 /// The commands `--configure` asks for, with the port they are for and its baud rate.
@@ -86,6 +82,46 @@ fn plan<'a>(config: &Config, selector: &'a Selector) -> Result<Option<(&'a str, 
         )));
     };
     Ok(Some((port, *baud, Plan::new(protocol, &request, *baud)?)))
+}
+
+/// Whether the device runs in real time whatever the program does.
+pub(super) fn is_live(selector: &Selector) -> bool {
+    matches!(selector, Selector::Serial { .. } | Selector::Can { .. } | Selector::Slcan { .. })
+}
+
+/// An open device, the decoder of its traffic, and what is known about its sensor.
+pub(super) struct Opened {
+    pub(super) link: Box<dyn Link>,
+    pub(super) decoder: Box<dyn PacketDecoder>,
+    pub(super) sensor: Sensor,
+}
+
+/// Opens the device, sets it up if asked to, and picks the decoder of its traffic.
+pub(super) fn open_link(
+    config: &Config,
+    selector: &Selector,
+    clock: &Arc<dyn Clock>,
+) -> Result<Opened, Failure> {
+    let mut sensor = config.sensor()?;
+    let known = known_log(config, selector)?;
+    if let Some(known) = known {
+        sensor.mapping = Some(known.mapping().map_err(ConfigError::from)?);
+    }
+    if let Some(mapping) = &sensor.mapping {
+        let map_file = config.log_map.as_ref().map(|path| path.display().to_string());
+        let map_file = map_file.or(known.map(|known| known.file.to_owned())).unwrap_or_default();
+        check_text_log(selector, mapping, &map_file)?;
+    }
+    let mut decoder = decoder(config.protocol.as_deref(), selector, &sensor)?;
+    if config.allow_degraded {
+        decoder.allow_degraded();
+    }
+    let stamper = sensor.mapping.as_ref().filter(|_| decoder.protocol() == TEXT).map(line_stamper);
+    let link = match plan(config, selector)? {
+        Some((port, baud, plan)) => device::open_serial(port, baud, clock, Some(plan))?,
+        None => device::open(selector, clock, stamper)?,
+    };
+    Ok(Opened { link, decoder, sensor })
 }
 
 /// The decoder that was asked for, or the one that fits the device.

@@ -9,6 +9,7 @@ use super::devices::{heard_line, listen_to_all, listening_time, may_be_listened_
 use super::failure::Failure;
 use super::show;
 use crate::device::Selector;
+use crate::device::can::can_details;
 use crate::device::discover::{Access, DiscoveredPort, PortKind, describe, discover, node_of};
 use crate::device::doctor::survey::Survey;
 use crate::device::doctor::{Finding, Level, LinkFacts, PortFacts, Refusal, UDEV_RULES, judge};
@@ -154,7 +155,7 @@ fn facts_before(survey: &Survey, patient: &Patient, intended_rate_rpm: Option<f6
     let link = match &patient.selector {
         Selector::Can { interface, .. } => {
             let up = patient.port.kind == PortKind::Can { up: true };
-            LinkFacts::Can(survey.can(interface, up))
+            LinkFacts::Can(survey.can(interface, up, can_details(interface)))
         }
         Selector::Serial { port, baud } => {
             let asked_baud = patient.is_named.then_some(*baud);

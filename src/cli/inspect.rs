@@ -11,6 +11,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::assemble::{decoder, known_log, line_stamper};
+use super::decoder_flags::DecoderFlags;
 use super::failure::{Failure, FailureKind};
 use super::replay::{damage_text, open};
 use super::show;
@@ -39,38 +40,14 @@ pub(super) struct InspectArgs {
     /// The file.
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Protocol instead of finding it out, for example otolith-serial, witmotion, text, can-map.
-    #[arg(long, value_name = "NAME")]
-    protocol: Option<String>,
-    /// Columns of a text log.
-    #[arg(long, value_name = "FILE.toml")]
-    log_map: Option<PathBuf>,
-    /// Take what a device without a gyroscope gives (BNO08x UART-RVC: rates in steps of 1 deg/s).
-    #[arg(long)]
-    allow_degraded: bool,
-    /// What the signals on a CAN bus mean: a ready mapping or a file.
-    #[arg(long, value_name = "NAME|FILE.toml")]
-    map: Option<String>,
-    /// DBC file of that mapping, above its own.
-    #[arg(long, value_name = "FILE.dbc")]
-    dbc: Option<PathBuf>,
+    #[command(flatten)]
+    flags: DecoderFlags,
 }
 
 impl InspectArgs {
-    /// The flags as a configuration.
-    fn config(&self) -> Config {
-        Config {
-            log_map: self.log_map.clone(),
-            can_map: self.map.clone(),
-            dbc: self.dbc.clone(),
-            protocol: self.protocol.clone(),
-            ..Config::default()
-        }
-    }
-
     /// A tally that proposes mappings unless one is given.
     fn tally(&self) -> Tally {
-        if self.map.is_some() { Tally::default() } else { Tally::trying_can_maps() }
+        if self.flags.map.is_some() { Tally::default() } else { Tally::trying_can_maps() }
     }
 }
 
@@ -88,15 +65,15 @@ pub(super) fn run(args: &InspectArgs, json: bool) -> Result<ExitCode, Failure> {
 
 /// A log or a raw capture, through its decoder.
 fn log(args: &InspectArgs) -> Result<Inspection, Failure> {
-    let config = args.config();
+    let config = args.flags.config();
     let mut sensor = config.sensor()?;
     let selector: Selector = format!("replay:{}", args.file.display()).parse()?;
     let known = known_log(&config, &selector)?;
     if let Some(known) = known {
         sensor.mapping = Some(known.mapping().map_err(ConfigError::from)?);
     }
-    let mut decoder = decoder(args.protocol.as_deref(), &selector, &sensor)?;
-    if args.allow_degraded {
+    let mut decoder = decoder(args.flags.protocol.as_deref(), &selector, &sensor)?;
+    if args.flags.allow_degraded {
         decoder.allow_degraded();
     }
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::start_now());
@@ -131,7 +108,7 @@ fn recording(args: &InspectArgs) -> Result<Inspection, Failure> {
     };
     let nothing = BTreeMap::new();
     let recorded = recording.header().map_or(&nothing, |header| &header.models);
-    let mut decoder = decoder_of_recording(args, &config, recorded)?;
+    let mut decoder = decoder_of_recording(&args.flags, &config, recorded)?;
     let mut tally = args.tally();
     for piece in recording.traffic()? {
         let piece = piece?;
@@ -150,13 +127,13 @@ fn recording(args: &InspectArgs) -> Result<Inspection, Failure> {
 
 /// The decoder for the traffic of a recording, from the flags or else from the recorded configuration and mappings;
 /// `recorded` are the texts that the recording holds, by name.
-fn decoder_of_recording(
-    args: &InspectArgs,
+pub(super) fn decoder_of_recording(
+    flags: &DecoderFlags,
     config: &Config,
     recorded: &BTreeMap<String, String>,
 ) -> Result<Box<dyn PacketDecoder>, Failure> {
     let selector: Selector = config.device.as_deref().unwrap_or("mock:chair").parse()?;
-    let mut sensor = args.config().sensor()?;
+    let mut sensor = flags.config().sensor()?;
     if let (None, Some(text)) = (&sensor.mapping, recorded.get(SENSOR_LOG_MAP)) {
         sensor.mapping = Some(TextMapping::from_toml(SENSOR_LOG_MAP, text).map_err(ConfigError::from)?);
     }
@@ -165,7 +142,7 @@ fn decoder_of_recording(
         let can_map = CanMap::new(SENSOR_CAN_MAP, map, SENSOR_CAN_DBC, dbc).map_err(ConfigError::from)?;
         sensor.can_map = Some(can_map);
     }
-    let protocol = args.protocol.as_deref().or(config.protocol.as_deref());
+    let protocol = flags.protocol.as_deref().or(config.protocol.as_deref());
     let mut decoder: Box<dyn PacketDecoder> = match (protocol, &sensor.mapping, &sensor.can_map) {
         (Some(CAN_MAP), _, Some(can_map)) => Box::new(CanMapDecoder::new(can_map)),
         (Some(TEXT), Some(mapping), _) => Box::new(TextDecoder::new(mapping)),
@@ -178,7 +155,7 @@ fn decoder_of_recording(
         }
         (None, _, None) => decoder_for(&selector),
     };
-    if args.allow_degraded || config.allow_degraded {
+    if flags.allow_degraded || config.allow_degraded {
         decoder.allow_degraded();
     }
     Ok(decoder)

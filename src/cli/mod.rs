@@ -1,7 +1,10 @@
 //! The command line: one file per command. Results go to stdout, all else to stderr.
 
 mod assemble;
+mod calibrate;
+mod chair;
 mod console;
+mod decoder_flags;
 mod demo;
 mod devices;
 mod doctor;
@@ -9,6 +12,7 @@ mod failure;
 mod inspect;
 mod outputs;
 pub mod perceive;
+mod readings;
 mod replay;
 mod reproduce;
 mod run;
@@ -33,6 +37,8 @@ pub use failure::{Failure, FailureKind};
     otolith run --device serial:/dev/ttyUSB0 --out my-run --record my-run.mcap\n  \
     otolith run --device replay:log.txt --log-map configs/logs/turntable-lsm9ds1.toml --pace max\n  \
     otolith replay my-run.mcap --verify\n  \
+    otolith calibrate --device serial:/dev/ttyUSB0 --turned-deg 1080 --out my-sensor\n  \
+    otolith chair my-run.mcap                         what the chair really did\n  \
     otolith reproduce                                 the paper's claims and figures"
 )]
 struct Cli {
@@ -54,6 +60,8 @@ enum Command {
     Devices(devices::DevicesArgs),
     Doctor(doctor::DoctorArgs),
     Inspect(inspect::InspectArgs),
+    Calibrate(Box<calibrate::CalibrateArgs>),
+    Chair(chair::ChairArgs),
 }
 
 /// Parses the arguments of the process, runs the command, and gives its exit code.
@@ -72,6 +80,8 @@ pub fn main() -> ExitCode {
         Command::Devices(args) => devices::run(args, json),
         Command::Doctor(args) => doctor::run(args, json),
         Command::Inspect(args) => inspect::run(args, json),
+        Command::Calibrate(args) => calibrate::run(args, json),
+        Command::Chair(args) => chair::run(args, json),
     };
     result.unwrap_or_else(|failure| {
         show::note(&format!("error: {failure}"));

@@ -18,15 +18,7 @@ impl Outputs {
     /// Makes sure, before the run costs time, that nothing is overwritten unasked. `record` is the recording the run
     /// will write. Leaves no trace on the disk.
     pub(super) fn claim(folder: Option<&Path>, record: Option<&Path>, force: bool) -> Result<Self, Failure> {
-        folder.map_or(Ok(()), refuse_file)?;
-        let in_folder = folder.into_iter().flat_map(|folder| [FIGURE, SUMMARY].map(|name| folder.join(name)));
-        let taken = in_folder.chain(record.map(Path::to_owned)).find(|path| path.exists());
-        if let (Some(path), false) = (taken, force) {
-            return Err(Failure::usage(format!(
-                "{}: the file exists already\n\nhint: choose another name or folder, or overwrite it with --force",
-                path.display()
-            )));
-        }
+        claim(folder, &[FIGURE, SUMMARY], record, force)?;
         Ok(Self { folder: folder.map(Path::to_owned) })
     }
 
@@ -46,6 +38,24 @@ impl Outputs {
         let text = serde_json::to_string_pretty(&summary).unwrap_or_default();
         write(SUMMARY, &text)?;
         Ok(())
+    }
+}
+
+/// Refuses to overwrite, unasked, the files `names` in `folder` or the file `other`.
+pub(super) fn claim(
+    folder: Option<&Path>,
+    names: &[&str],
+    other: Option<&Path>,
+    force: bool,
+) -> Result<(), Failure> {
+    folder.map_or(Ok(()), refuse_file)?;
+    let in_folder = folder.into_iter().flat_map(|folder| names.iter().map(|name| folder.join(name)));
+    match in_folder.chain(other.map(Path::to_owned)).find(|path| path.exists()) {
+        Some(path) if !force => Err(Failure::usage(format!(
+            "{}: the file exists already\n\nhint: choose another name or folder, or overwrite it with --force",
+            path.display()
+        ))),
+        _ => Ok(()),
     }
 }
 

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use super::assemble::Pace;
+use super::decoder_flags::DecoderFlags;
 use super::failure::Failure;
 use super::session::Session;
 use super::show;
@@ -58,25 +59,11 @@ pub(super) struct RunArgs {
 /// What is known about the sensor beforehand.
 #[derive(Debug, clap::Args)]
 struct SensorArgs {
-    /// Columns of a text log.
-    #[arg(long, value_name = "FILE.toml")]
-    log_map: Option<PathBuf>,
-    /// What the signals on a CAN bus mean: a ready mapping (toyota-yaw, racelogic-imu04, bosch-mm5, bosch-mm7,
-    /// bosch-abs-kit, sbg, j1939-imu, xsens-mti-can, ...; `otolith inspect LOG` says which fit) or a file.
-    #[arg(long, value_name = "NAME|FILE.toml")]
-    map: Option<String>,
-    /// DBC file of that mapping, above its own.
-    #[arg(long, value_name = "FILE.dbc")]
-    dbc: Option<PathBuf>,
-    /// Protocol of the device instead of finding it out, for example otolith-serial, witmotion, text, can-map.
-    #[arg(long, value_name = "NAME")]
-    protocol: Option<String>,
+    #[command(flatten)]
+    flags: DecoderFlags,
     /// Set the device up first: rate=HZ, baud=N, save. Needs --protocol; without this flag nothing is changed on a device.
     #[arg(long, value_name = "KEY=VALUE,...")]
     configure: Option<String>,
-    /// Take what a device without a gyroscope gives (BNO08x UART-RVC: rates in steps of 1 deg/s).
-    #[arg(long)]
-    allow_degraded: bool,
     /// How the sensor is mounted on the chair.
     #[arg(long, value_name = "FILE.toml")]
     mount: Option<PathBuf>,
@@ -88,18 +75,10 @@ struct SensorArgs {
 impl SensorArgs {
     /// Puts the flags into the configuration, above what its file says.
     fn apply(&self, config: &mut Config) {
-        for (slot, flag) in [
-            (&mut config.log_map, &self.log_map),
-            (&mut config.mount, &self.mount),
-            (&mut config.calibration, &self.calibration),
-            (&mut config.dbc, &self.dbc),
-        ] {
-            *slot = flag.clone().or(slot.take());
-        }
-        config.can_map = self.map.clone().or(config.can_map.take());
-        config.protocol = self.protocol.clone().or(config.protocol.take());
+        self.flags.apply(config);
         config.configure = self.configure.clone().or(config.configure.take());
-        config.allow_degraded |= self.allow_degraded;
+        config.mount = self.mount.clone().or(config.mount.take());
+        config.calibration = self.calibration.clone().or(config.calibration.take());
     }
 }
 

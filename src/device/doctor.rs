@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::DeviceError;
+use super::can::CanDetails;
 use super::discover::Access;
 use super::probe::Heard;
 
@@ -72,12 +73,14 @@ pub struct SerialFacts {
 }
 
 /// What the system says about a CAN interface.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct CanFacts {
     /// There is such an interface.
     pub exists: bool,
     /// It is up.
     pub up: bool,
+    /// How it is set up, where the system tells.
+    pub details: Option<CanDetails>,
 }
 
 /// Why a port could not be opened.
@@ -144,7 +147,7 @@ impl Finding {
 pub fn judge(facts: &PortFacts) -> Vec<Finding> {
     let mut findings = match &facts.link {
         LinkFacts::Serial(serial) => line::serial_findings(serial, facts.refusal.as_ref()),
-        LinkFacts::Can(can) => line::can_findings(&facts.selector, *can, facts.refusal.as_ref()),
+        LinkFacts::Can(can) => line::can_findings(&facts.selector, can, facts.refusal.as_ref()),
     };
     if let Some(heard) = &facts.heard {
         findings.extend(stream::findings(facts, heard));

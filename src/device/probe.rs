@@ -109,14 +109,16 @@ pub fn scan(
     let start = clock.now();
     let end = start + length;
     let mut looks: Vec<Look> = bauds.iter().map(|baud| Look::at(*baud)).collect();
-    looks.retain(|look| line.set_baud(look.baud));
     let mut first_byte_until = start + length.mul_f64(WAIT_SHARE);
     let mut goes_on = true;
-    while goes_on && clock.now() < end && !looks.is_empty() {
+    while goes_on && clock.now() < end {
+        goes_on = false;
         for index in 0..looks.len() {
             // An equal share for every speed not yet tried, and one to stay with the last.
             let share = end.saturating_since(clock.now()) / (looks.len() - index + 1) as u32;
-            line.set_baud(looks[index].baud);
+            if !line.set_baud(looks[index].baud) {
+                continue;
+            }
             let mut ear = Ear::new(Bus::Serial);
             let patience = Patience { look: share.min(LONGEST_LOOK), first_byte_until, end };
             goes_on = attend(line, clock, &mut ear, patience)?;

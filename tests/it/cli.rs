@@ -1,6 +1,8 @@
 //! The program as a user meets it: arguments in; exit code, stdout, stderr and files out.
 
+mod calibrate;
 mod can_map;
+mod chair;
 mod demo;
 #[cfg(unix)]
 mod devices;

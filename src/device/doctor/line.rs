@@ -1,5 +1,7 @@
 //! Findings about the way to a device: node, driver, interface.
 
+use crate::device::can::bus::BusState;
+
 use super::{CanFacts, Finding, Refusal, SerialFacts};
 use crate::device::discover::Access;
 
@@ -106,7 +108,7 @@ fn busy(facts: &SerialFacts) -> Finding {
 }
 
 /// Findings about a CAN interface.
-pub(super) fn can_findings(selector: &str, facts: CanFacts, refusal: Option<&Refusal>) -> Vec<Finding> {
+pub(super) fn can_findings(selector: &str, facts: &CanFacts, refusal: Option<&Refusal>) -> Vec<Finding> {
     let name = selector.strip_prefix("can:").unwrap_or(selector);
     let name = name.split('?').next().unwrap_or(name);
     let bring_up = if name.starts_with("vcan") || name.starts_with("vxcan") {
@@ -133,6 +135,35 @@ pub(super) fn can_findings(selector: &str, facts: CanFacts, refusal: Option<&Ref
     match refusal {
         Some(Refusal::Other(why) | Refusal::Missing(why)) => vec![unopened(why)],
         Some(Refusal::Denied | Refusal::Busy) => vec![unopened("the system refuses it")],
-        None => Vec::new(),
+        None => controller_findings(name, facts),
+    }
+}
+
+/// What the controller of an interface that is up says about itself.
+fn controller_findings(name: &str, facts: &CanFacts) -> Vec<Finding> {
+    let Some(details) = &facts.details else { return Vec::new() };
+    let bitrate = details.bitrate.map_or_else(String::new, |bitrate| format!(" at {bitrate} bit/s"));
+    match details.state {
+        Some(BusState::BusOff) => vec![Finding::mend(
+            "bus_off",
+            format!("the controller of {name} has left the bus{bitrate}"),
+            "nothing is received until it is restarted; the usual cause is a wrong bitrate or a broken cable",
+            format!("sudo ip link set {name} type can restart, or restart-ms 100 while it is down"),
+        )],
+        Some(BusState::ErrorWarning | BusState::ErrorPassive) => vec![Finding::mend(
+            "bus_errors",
+            format!("the controller of {name} has seen many errors{bitrate}"),
+            "frames are being lost or repeated",
+            format!(
+                "check wiring, two resistors of 120 ohm, and the bitrate: ip -details -statistics link show {name}"
+            ),
+        )],
+        _ if details.restart_ms == Some(0) && details.kind.as_deref() == Some("can") => vec![Finding::note(
+            "restart",
+            format!("{name} runs{bitrate} and does not restart by itself after bus-off"),
+            "one fault on the bus would end the measurement",
+            format!("sudo ip link set {name} down; sudo ip link set {name} up type can restart-ms 100"),
+        )],
+        _ => Vec::new(),
     }
 }

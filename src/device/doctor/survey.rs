@@ -4,6 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::line::MODEM_MANAGER;
+use crate::device::can::CanDetails;
+
 use super::{CanFacts, Holder, SerialFacts};
 use crate::device::discover::Access;
 
@@ -49,9 +51,9 @@ impl Survey {
         fs::read_to_string(file).ok()?.trim().parse().ok()
     }
 
-    /// Facts about the CAN interface `interface`, of which `up` is known.
-    pub fn can(&self, interface: &str, up: bool) -> CanFacts {
-        CanFacts { exists: self.at(&format!("/sys/class/net/{interface}")).exists(), up }
+    /// Facts about the CAN interface `interface`, of which `up` is known, and what `details` the system gave.
+    pub fn can(&self, interface: &str, up: bool, details: Option<CanDetails>) -> CanFacts {
+        CanFacts { exists: self.at(&format!("/sys/class/net/{interface}")).exists(), up, details }
     }
 
     fn at(&self, path: &str) -> PathBuf {

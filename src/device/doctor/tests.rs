@@ -2,6 +2,8 @@ use std::path::Path;
 
 use super::survey::Survey;
 use super::*;
+use crate::device::can::CanDetails;
+use crate::device::can::bus::BusState;
 use crate::device::probe::{Look, MeanSample, Verdict};
 use crate::device::protocol::{DecodeCounters, DeviceInfo};
 use crate::units::RAD_PER_DEG;
@@ -169,6 +171,8 @@ fn losses_are_told_when_they_are_more_than_a_few() {
         told_of(|heard| heard.counters = DecodeCounters { packets: 1000, bad_checksum, ..heard.counters })
     };
     assert_eq!(bad(9).0, [""; 0]);
+    let first_cut = |heard: &mut Heard| (heard.counters.packets, heard.counters.bad_checksum) = (30, 1);
+    assert_eq!(told_of(first_cut).0, [""; 0]);
     assert_told(bad(20), "checksum", &["20 of 1020 packets are damaged"]);
     let missing = |heard: &mut Heard| heard.counters.missing = 5;
     assert_told(told_of(missing), "loss", &["5 packets are missing"]);
@@ -218,7 +222,7 @@ fn unit_and_sign_of_gravity_are_judged_at_rest() {
 fn a_can_interface_is_judged_by_its_state_and_its_silence() {
     let can = |exists, up, refusal, heard| PortFacts {
         selector: "can:can0?node=2".into(),
-        link: LinkFacts::Can(CanFacts { exists, up }),
+        link: LinkFacts::Can(CanFacts { exists, up, details: None }),
         refusal,
         heard,
         intended_rate_rpm: None,
@@ -233,6 +237,26 @@ fn a_can_interface_is_judged_by_its_state_and_its_silence() {
     assert_told(told(&can(true, true, None, Some(strangers))), "unknown", &["100 frames with 7 identifiers"]);
     let refused = can(true, true, Some(Refusal::Other("no".into())), None);
     assert_told(told(&refused), "open", &["does not open: no"]);
+}
+
+#[test]
+fn a_can_controller_is_judged_by_its_state() {
+    let with = |state, restart_ms| {
+        let kind = Some("can".to_owned());
+        let details = CanDetails { up: true, kind, bitrate: Some(250_000), state, restart_ms };
+        told(&PortFacts {
+            selector: "can:can0".into(),
+            link: LinkFacts::Can(CanFacts { exists: true, up: true, details: Some(details) }),
+            refusal: None,
+            heard: None,
+            intended_rate_rpm: None,
+        })
+    };
+    assert_told(with(Some(BusState::BusOff), Some(0)), "bus_off", &["250000 bit/s", "type can restart"]);
+    assert_told(with(Some(BusState::ErrorPassive), Some(100)), "bus_errors", &["120 ohm", "250000"]);
+    assert_told(with(Some(BusState::ErrorActive), Some(0)), "restart", &["restart-ms 100"]);
+    let (checks, _) = with(Some(BusState::ErrorActive), Some(100));
+    assert_eq!(checks, [""; 0]);
 }
 
 /// Writes a file with the folders it lies in.
@@ -278,7 +302,7 @@ fn a_machine_is_surveyed_by_its_files() {
     assert_eq!(other.latency_timer_ms, None);
 
     write(&root, "sys/class/net/can0/type", "280\n");
-    assert!(survey.can("can0", true).exists && !survey.can("can1", false).exists);
+    assert!(survey.can("can0", true, None).exists && !survey.can("can1", false, None).exists);
 }
 
 /// A rule is matches and assignments, `KEY operator "value"`, between commas.

@@ -12,6 +12,8 @@ struct Line {
     clock: Arc<ManualClock>,
     device_baud: u32,
     host_baud: u32,
+    /// The fastest speed the port offers.
+    fastest_baud: u32,
     pieces: std::vec::IntoIter<(HostTime, Vec<u8>)>,
     next: Option<(HostTime, Vec<u8>)>,
     read: Vec<u8>,
@@ -23,7 +25,16 @@ impl Line {
         let mut pieces = pieces.into_iter();
         let next = pieces.next();
         let clock = Arc::new(ManualClock::default());
-        Self { clock, device_baud, host_baud: 0, pieces, next, read: Vec::new(), sent: 0 }
+        Self {
+            clock,
+            device_baud,
+            host_baud: 0,
+            fastest_baud: u32::MAX,
+            pieces,
+            next,
+            read: Vec::new(),
+            sent: 0,
+        }
     }
 
     fn scan(mut self) -> Heard {
@@ -58,6 +69,9 @@ impl Link for Line {
 
 impl Tunable for Line {
     fn set_baud(&mut self, baud: u32) -> bool {
+        if baud > self.fastest_baud {
+            return false;
+        }
         self.host_baud = baud;
         true
     }
@@ -91,6 +105,14 @@ fn a_board_that_its_opening_has_reset_is_found_when_it_speaks() {
         let heard = Line::new(device_baud, ours(100.0, 1.5)).scan();
         assert_eq!((heard.protocol, heard.baud), (Some(OTOLITH_SERIAL), Some(device_baud)), "{heard:?}");
     }
+}
+
+#[test]
+fn a_speed_the_port_does_not_offer_is_left_out() {
+    let line = Line { fastest_baud: 115_200, ..Line::new(57_600, ours(20.0, 0.0)) };
+    assert_eq!(line.scan().baud, Some(57_600));
+    let line = Line { fastest_baud: 300, ..Line::new(57_600, ours(20.0, 0.0)) };
+    assert_eq!(line.scan().verdict, Verdict::Silence);
 }
 
 #[test]

@@ -91,7 +91,7 @@ struct Content {
     period: PeriodWatch,
     /// Device time of the last sample, µs.
     last_us: Option<u64>,
-    /// Packets of sets that are not documented, and samples with values that are no numbers.
+    /// Packets of sets that are not documented.
     unreadable: u64,
     refusals: u64,
     last_refusal: Option<Refusal>,
@@ -138,11 +138,6 @@ impl Content {
         if let Some(micros) = micros {
             let step_us = self.last_us.replace(micros).and_then(|last_us| micros.checked_sub(last_us));
             self.period.step(step_us.unwrap_or(0));
-        }
-        let is_finite = |vector: Vector3<f64>| vector.iter().all(|value| value.is_finite());
-        if !is_finite(omega_imu) || !specific_force_imu.is_none_or(is_finite) {
-            self.unreadable += 1;
-            return;
         }
         self.bytes_per_sample = Some(wire_bytes);
         let device_time = micros.map(|micros| DeviceTime { micros, wraps_after_us: None });

@@ -35,8 +35,8 @@ pub struct TextDecoder {
     note: Option<String>,
     line: Box<[u8; MAX_LINE]>,
     length: usize,
-    /// The present line is too long: skip to its end.
-    overlong: bool,
+    /// The present line is too long or has control characters, and has been counted: skip to its end.
+    spoiled: bool,
     /// Added to the time column so that a log that starts before zero starts at zero, s.
     time_shift_s: Option<f64>,
     counters: DecodeCounters,
@@ -52,7 +52,7 @@ impl TextDecoder {
             note: mapping.note.clone(),
             line: Box::new([0; MAX_LINE]),
             length: 0,
-            overlong: false,
+            spoiled: false,
             time_shift_s: None,
             counters: DecodeCounters::default(),
         }
@@ -62,9 +62,14 @@ impl TextDecoder {
         for piece in bytes.split_inclusive(|&byte| byte == b'\n') {
             let text = piece.strip_suffix(b"\n").unwrap_or(piece);
             let end = self.length + text.len();
-            if self.overlong || end > MAX_LINE {
+            let overlong = end > MAX_LINE;
+            // Told now and not at the end of the line: what is no text may have no line end for long.
+            if !self.spoiled && (overlong || !is_text(text)) {
+                self.spoiled = true;
+                self.counters.bad_checksum += 1;
+            }
+            if self.spoiled {
                 self.counters.bytes_skipped += (text.len() + self.length) as u64;
-                self.overlong = true;
                 self.length = 0;
             } else {
                 self.line[self.length..end].copy_from_slice(text);
@@ -79,8 +84,7 @@ impl TextDecoder {
     fn end_line(&mut self, on_reading: &mut dyn FnMut(ImuReading)) {
         let line = &self.line[..self.length];
         self.length = 0;
-        if std::mem::take(&mut self.overlong) {
-            self.counters.bad_checksum += 1;
+        if std::mem::take(&mut self.spoiled) {
             return;
         }
         match self.rows.read(line) {
@@ -105,6 +109,11 @@ impl TextDecoder {
     }
 }
 
+/// Whether a piece of a line has no control characters but tabs and carriage returns.
+fn is_text(piece: &[u8]) -> bool {
+    piece.iter().all(|byte| !byte.is_ascii_control() || matches!(byte, b'\t' | b'\r'))
+}
+
 impl PacketDecoder for TextDecoder {
     fn protocol(&self) -> &'static str {
         "text"
@@ -127,7 +136,7 @@ impl PacketDecoder for TextDecoder {
     }
 
     fn finish(&mut self, on_reading: &mut dyn FnMut(ImuReading)) {
-        if self.length > 0 || self.overlong {
+        if self.length > 0 {
             self.end_line(on_reading);
         }
     }

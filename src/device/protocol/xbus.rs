@@ -47,6 +47,10 @@ use frame::Message;
 /// Bits 8 to 13 of the status word: an axis of the accelerometer or gyroscope is at the end of its range. Bits 14 to 16
 /// are the magnetometer's.
 const CLIPPED: u32 = 0x3F00;
+/// A packet up to this far behind the newest was overtaken; one further back comes from a device that started anew.
+const LATEST_PACKETS: u16 = 16;
+/// The same by the device's clock, µs.
+const LATEST_US: i64 = 1_000_000;
 /// A packet counter that moves on by more, half of what it can hold, has gone back: the device has started anew.
 const LONGEST_GAP: u16 = 1 << 15;
 
@@ -103,7 +107,7 @@ struct Content {
     /// Loss by the clock, for a device that sends no packet counter.
     period: PeriodWatch,
     seen: Seen,
-    /// Messages in the layout before MTData2, and packets with values that are no numbers.
+    /// Messages in the layout before MTData2.
     unreadable: u64,
     device_errors: u64,
     last_error: Option<u8>,
@@ -138,11 +142,6 @@ impl Content {
         let (device_time, step_us) = ticks.map(|ticks| self.clock.take(ticks)).unzip();
         self.count(packet.counter, step_us);
         let Some((omega_imu, specific_force_imu)) = motion else { return };
-        let is_finite = |vector: Vector3<f64>| vector.iter().all(|value| value.is_finite());
-        if !is_finite(omega_imu) || !specific_force_imu.is_none_or(is_finite) {
-            self.unreadable += 1;
-            return;
-        }
         self.bytes_per_sample = Some(wire_bytes);
         on_reading(ImuReading { device_time, omega_imu, specific_force_imu, clipped: packet.clipped });
     }
@@ -182,7 +181,14 @@ impl Content {
     fn count(&mut self, counter: Option<u16>, step_us: Option<i64>) {
         let has_restarted = step_us.is_some_and(|step_us| step_us < 0);
         if let Some(counter) = counter {
-            let step = self.counter.replace(counter).map(|last| counter.wrapping_sub(last));
+            let step = self.counter.map(|last| counter.wrapping_sub(last));
+            let overtaken = step_us.is_none_or(|step_us| step_us > -LATEST_US);
+            if step.is_some_and(|step| step > u16::MAX - LATEST_PACKETS) && overtaken {
+                // The gap it left has been counted.
+                self.missing = self.missing.saturating_sub(1);
+                return;
+            }
+            self.counter = Some(counter);
             if let Some(step @ 1..=LONGEST_GAP) = step.filter(|_| !has_restarted) {
                 self.missing += u64::from(step - 1);
             }

@@ -4,8 +4,10 @@
 //! solid and blue dashed, in two colours of the Okabe-Ito palette, so that they differ without colour as well.
 //!
 //! The other figures of that paper: [`comparison`] of several runs, [`rates`] felt and true, [`stills`] of bodies.
+//! What a chair did: [`chair`].
 
 mod axis;
+pub mod chair;
 pub mod comparison;
 mod legend;
 mod maps;

@@ -19,6 +19,14 @@ pub(super) fn over_time(trace: &Trace, value: impl Fn(&Row) -> Option<f64>) -> P
     all.into_iter().map(|piece| lows_and_highs(&piece, bundle)).collect()
 }
 
+/// A curve of points that are there already, thinned in the same way.
+pub(super) fn through(points: &[(f64, f64)]) -> Pieces {
+    if points.is_empty() {
+        return Vec::new();
+    }
+    vec![lows_and_highs(points, (2 * points.len()).div_ceil(MAX_POINTS).max(1))]
+}
+
 /// The path of `place` (px) over the rows that satisfy `shown`, thinned to what is seen.
 pub(super) fn path(
     trace: &Trace,

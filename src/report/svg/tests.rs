@@ -2,6 +2,7 @@
 
 use roxmltree::{Document, Node};
 
+use super::chair::{self, ChairFigure};
 use super::comparison::{self, ComparedRun, Comparison};
 use super::paint::width_of;
 use super::rates::{self, Rates};
@@ -9,7 +10,7 @@ use super::stills::{self, Still, StillRow, Stills, View};
 use super::{Caption, Look, fitted};
 use crate::report::tests::{golden, leaning};
 use crate::report::trace::{Character, Trace};
-use crate::report::{Analysis, svg};
+use crate::report::{Analysis, Window, svg};
 
 const POLYGON: [[f64; 2]; 4] = [[0.129, 0.13], [-0.129, 0.13], [-0.129, -0.13], [0.129, -0.13]];
 const LOOKS: [Look; 3] = [Look::Orange, Look::Green, Look::Black];
@@ -198,6 +199,26 @@ fn peak_and_crossing_of_the_believed_rate_are_named_when_given() {
     assert_eq!(count(&figure, "\u{2212}1.20 rad/s at 8.0 s"), 1);
     assert_eq!(count(&figure, "crosses zero at 7.6 s"), 1);
     assert_legible(&rates::render(&Rates { trace: &Trace::new(), ..bare }));
+}
+
+#[test]
+fn the_figure_of_a_chair_is_legible_with_and_without_curves() {
+    let rate: Vec<(f64, f64)> = (0..9000).map(|i| (f64::from(i) * 0.01, -180.0)).collect();
+    let spectrum: Vec<(f64, f64)> = (1..20_000).map(|i| (f64::from(i) * 0.01, 1.0 / f64::from(i))).collect();
+    let whole = ChairFigure {
+        title: "chair.mcap",
+        subtitle: "plateau",
+        rate: &rate,
+        plateau: Some(Window { start_s: 10.0, end_s: 70.0 }),
+        rate_spectrum: &spectrum,
+        force_spectrum: &spectrum,
+    };
+    let figure = chair::render(&whole);
+    assert_legible(&figure);
+    assert_eq!(count(&figure, "frequency (Hz)"), 2);
+    assert!(figure.len() < 200_000, "thinned: {} bytes", figure.len());
+    let empty = ChairFigure { rate: &[], plateau: None, rate_spectrum: &[], force_spectrum: &[], ..whole };
+    assert_legible(&chair::render(&empty));
 }
 
 /// A stick of 1.6 m that leans to the left, on a turntable with the feet off the axis.

@@ -7,7 +7,8 @@ use otolith::time::{Clock, SystemClock};
 
 use super::{Place, SHORT, number};
 
-const COMMANDS: [&str; 7] = ["demo", "run", "replay", "perceive", "devices", "doctor", "inspect"];
+const COMMANDS: [&str; 9] =
+    ["demo", "run", "replay", "perceive", "devices", "doctor", "inspect", "calibrate", "chair"];
 
 #[test]
 fn every_help_teaches_by_examples() {

@@ -136,10 +136,17 @@ fn what_is_no_sample_is_said_in_words() {
 }
 
 #[test]
-fn values_that_are_no_numbers_are_no_sample() {
+fn values_that_are_no_numbers_are_given_out_as_they_are() {
     let items = [floats(0x4020, [0.0; 3]), floats(0x8020, [f32::NAN, 0.0, 0.0])];
     let (readings, decoder) = decode(&[packet(0, 0, &items)]);
-    assert_eq!((readings.len(), decoder.counters().unknown, decoder.counters().packets), (0, 1, 1));
+    assert_eq!((readings.len(), decoder.counters().unknown, decoder.counters().packets), (1, 0, 1));
+}
+
+#[test]
+fn packets_that_are_overtaken_are_no_loss() {
+    let packets: Vec<_> = [0, 1, 3, 2, 4, 7].map(|k| sample(k, 100 * u32::from(k))).to_vec();
+    let (_, decoder) = decode(&packets);
+    assert_eq!(decoder.counters().missing, 2, "5 and 6 alone");
 }
 
 #[test]
