@@ -371,9 +371,9 @@ mod mavlink {
             _ => return None,
         };
         let end = head + usize::from(*bytes.get(1)?);
-        let received = bytes.get(end..end + 2)?;
-        let good = extra(bytes).is_none_or(|extra| crc(&bytes[..end], extra) == received);
-        good.then_some(end + 2 + signature)
+        let frame = bytes.get(..end + 2 + signature)?;
+        let good = extra(bytes).is_none_or(|extra| crc(&bytes[..end], extra) == frame[end..end + 2]);
+        good.then_some(frame.len())
     }
 
     pub(super) fn content(frame: &[u8]) -> Vec<usize> {
