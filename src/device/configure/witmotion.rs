@@ -35,7 +35,7 @@ pub fn plan(request: &Request) -> Result<Plan, ConfigureError> {
     let rate = request.rate_hz.and_then(|asked| RATES.into_iter().find(|(rate_hz, _)| *rate_hz == asked));
     let Some((rate_hz, rate_code)) = rate else {
         let got = request.rate_hz.map_or_else(|| "(none)".to_owned(), |rate_hz| rate_hz.to_string());
-        return Err(not_offered("rate_hz", got, RATES.map(|(rate_hz, _)| rate_hz.to_string()).join(", ")));
+        return Err(not_offered("rate", got, RATES.map(|(rate_hz, _)| rate_hz.to_string()).join(", ")));
     };
     let mut steps = vec![
         Step {
