@@ -22,7 +22,7 @@ fn bytes_of(vector: &Value) -> Vec<u8> {
     from_hex(vector["hex"].as_str().unwrap())
 }
 
-fn from_hex(digits: &str) -> Vec<u8> {
+pub(crate) fn from_hex(digits: &str) -> Vec<u8> {
     let digits = digits.as_bytes().chunks(2).map(|pair| std::str::from_utf8(pair).unwrap());
     digits.map(|pair| u8::from_str_radix(pair, 16).unwrap()).collect()
 }

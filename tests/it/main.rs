@@ -29,6 +29,7 @@ mod cli;
 mod closed_loop;
 mod configs;
 mod core_robust;
+mod damage;
 mod decoder_robust;
 mod device_vectors;
 mod fault_matrix;
