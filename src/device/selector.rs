@@ -218,7 +218,11 @@ impl fmt::Display for Selector {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Selector::Serial { port, baud } => write!(f, "serial:{port}?baud={baud}"),
-            Selector::Can { interface, node: None } => write!(f, "can:{interface}"),
+            Selector::Can { interface, node: None } => {
+                // Where options follow, if only none, a `?` in the name stays part of it.
+                let end = if interface.contains('?') { "?" } else { "" };
+                write!(f, "can:{interface}{end}")
+            }
             Selector::Can { interface, node: Some(node) } => write!(f, "can:{interface}?node={node}"),
             Selector::Slcan { port, bitrate, baud, node } => {
                 write!(f, "slcan:{port}?bitrate={bitrate}&baud={baud}")?;
@@ -306,6 +310,13 @@ mod tests {
         }
     }
 
+    #[test]
+    fn a_question_mark_in_a_name_stays_part_of_it() {
+        let can = parse("can:a?b=c?");
+        assert_eq!(can, Selector::Can { interface: "a?b=c".into(), node: None });
+        assert_eq!(parse(&can.to_string()), can);
+    }
+
     proptest! {
         #[test]
         fn display_parses_to_the_same_selector(
@@ -316,7 +327,7 @@ mod tests {
             let mock = MockParams { rate_rpm, seed, noise, ..MockParams::chair() };
             for selector in [
                 Selector::Serial { port: port.clone(), baud },
-                Selector::Can { interface: "can0".into(), node },
+                Selector::Can { interface: port.clone(), node },
                 Selector::Slcan { port: port.clone(), bitrate, baud, node },
                 Selector::Replay { path: port.clone().into(), kind: Some(FileKind::Raw), baud },
                 Selector::Replay { path: port.into(), kind: None, baud },
