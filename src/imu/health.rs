@@ -30,7 +30,7 @@ pub struct ImuCounters {
 /// What [`super::Resampler`] has counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct ResampleCounters {
-    /// Intervals longer than three times the usual one.
+    /// Intervals longer than two and a half usual ones.
     pub gaps: u64,
     /// Samples not later than the one before (dropped).
     pub out_of_order: u64,

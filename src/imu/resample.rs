@@ -41,7 +41,7 @@ impl Resampler {
             samples: VecDeque::with_capacity(RESAMPLE_CAPACITY),
             newest: None,
             hold_limit_s,
-            intervals: Intervals::new(hold_limit_s.max(LONGEST_USUAL_S)),
+            intervals: Intervals::default(),
             monitor: LinkMonitor::default(),
             counters: ResampleCounters::default(),
         }

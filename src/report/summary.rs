@@ -24,7 +24,7 @@ pub struct LinkCounters {
     pub bytes_skipped: u64,
     /// Packets the sequence numbers say were sent but never came.
     pub missing: u64,
-    /// Intervals between samples of more than three times the usual one.
+    /// Intervals between samples of more than two and a half usual ones: two samples or more are not there.
     pub gaps: u64,
     /// Items a full queue dropped on the host.
     pub dropped: u64,

@@ -35,7 +35,7 @@ pub fn plan(request: &Request) -> Result<Plan, ConfigureError> {
     let rate = request.rate_hz.and_then(|asked| RATES.into_iter().find(|(rate_hz, _)| *rate_hz == asked));
     let Some((rate_hz, rate_code)) = rate else {
         let got = request.rate_hz.map_or_else(|| "(none)".to_owned(), |rate_hz| rate_hz.to_string());
-        return Err(not_offered("rate_hz", got, RATES.map(|(rate_hz, _)| rate_hz.to_string()).join(", ")));
+        return Err(not_offered("rate", got, RATES.map(|(rate_hz, _)| rate_hz.to_string()).join(", ")));
     };
     let mut steps = vec![
         Step {
@@ -93,9 +93,9 @@ mod tests {
     fn what_has_no_code_is_refused_with_what_there_is() {
         let refuse = |rate_hz, baud| plan(&Request { rate_hz, baud, save: true }).unwrap_err().to_string();
         for (text, parts) in [
-            (refuse(Some(1000.0), None), ["rate_hz=1000", "expected 10, 20, 50, 100, 125, 200"]),
-            (refuse(None, Some(9600)), ["rate_hz=(none)", "\n\nhint: "]),
-            (refuse(Some(f64::NAN), None), ["rate_hz=NaN", "witmotion"]),
+            (refuse(Some(1000.0), None), ["rate=1000", "expected 10, 20, 50, 100, 125, 200"]),
+            (refuse(None, Some(9600)), ["rate=(none)", "\n\nhint: "]),
+            (refuse(Some(f64::NAN), None), ["rate=NaN", "witmotion"]),
             (refuse(Some(10.0), Some(57_600)), ["baud=57600", "expected 9600, 115200, 230400, 921600"]),
         ] {
             for part in parts {

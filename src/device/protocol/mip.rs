@@ -48,7 +48,7 @@ const SECONDS_PER_WEEK: f64 = 604_800.0;
 
 /// Decodes MIP.
 ///
-/// A packet with angular velocity and specific force is a sample; see [`Halves`] for one without the other. The sensor's
+/// A packet with angular velocity and specific force is a sample; see `halves` for one without the other. The sensor's
 /// z axis points down in its own drawing, so that at rest the specific force is -9.81 m/s² on it: that is the mount's to
 /// turn.
 #[derive(Debug, Default)]

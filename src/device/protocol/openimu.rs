@@ -13,7 +13,7 @@
 //!
 //! | bytes | content |
 //! |---|---|
-//! | 0..4 | time, u32, see [`clock`] |
+//! | 0..4 | time, u32, see `clock` |
 //! | 4..16 | accelerometer x y z, f32, m/s² |
 //! | 16..28 | gyroscope x y z, f32, deg/s |
 //! | 28..40 | magnetometer, not used |
@@ -25,7 +25,7 @@
 //! | 0..6 | accelerometer x y z, i16, 20 g / 65536 |
 //! | 6..12 | gyroscope x y z, i16, 1260 deg/s / 65536 |
 //! | 12..20 | temperatures, not used |
-//! | 20..22 | counter or timer, u16, see [`clock`] |
+//! | 20..22 | counter or timer, u16, see `clock` |
 //! | 22..24 | status, not used |
 //!
 //! Packets of other types with a good checksum are counted as unknown.

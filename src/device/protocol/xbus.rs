@@ -56,7 +56,7 @@ const LONGEST_GAP: u16 = 1 << 15;
 
 /// Decodes MTData2.
 ///
-/// A packet with angular velocity and specific force is a sample; see [`Halves`] for one without the other. Specific
+/// A packet with angular velocity and specific force is a sample; see `halves` for one without the other. Specific
 /// force is in sensor axes, +9.81 m/s² on the axis that points up at rest.
 #[derive(Debug, Default)]
 pub struct XbusDecoder {
