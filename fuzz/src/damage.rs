@@ -48,9 +48,12 @@ pub(crate) fn run(data: &[u8]) {
     }
 }
 
+/// A protocol with good frames of it.
+type WithFrames = (&'static Checked, Vec<Vec<u8>>);
+
 /// The protocols there are, with good frames of each.
-fn protocols() -> &'static [(&'static Checked, Vec<Vec<u8>>)] {
-    static PROTOCOLS: OnceLock<Vec<(&'static Checked, Vec<Vec<u8>>)>> = OnceLock::new();
+fn protocols() -> &'static [WithFrames] {
+    static PROTOCOLS: OnceLock<Vec<WithFrames>> = OnceLock::new();
     PROTOCOLS.get_or_init(|| {
         let known = CHECKED.iter().filter(|checked| decoder_by_name(checked.protocol).is_ok());
         known.map(|checked| (checked, seeds::good_frames(checked))).collect()
