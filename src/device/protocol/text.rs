@@ -16,7 +16,7 @@ pub use known::{KNOWN_LOGS, KnownLog, known_log};
 pub use mapping::TextMapping;
 pub use row::LineTimes;
 
-use row::{Line, RowReader};
+use row::{Line, RowReader, is_text};
 
 use super::{DecodeCounters, DeviceTime, ImuReading, PacketDecoder};
 use crate::device::Traffic;
@@ -107,11 +107,6 @@ impl TextDecoder {
             }
         }
     }
-}
-
-/// Whether a piece of a line has no control characters but tabs and carriage returns.
-fn is_text(piece: &[u8]) -> bool {
-    piece.iter().all(|byte| !byte.is_ascii_control() || matches!(byte, b'\t' | b'\r'))
 }
 
 impl PacketDecoder for TextDecoder {

@@ -1,8 +1,9 @@
 //! Whether a log and a mapping fit: the decoder counts what it cannot read, this says why.
 
+use super::MAX_LINE;
 use super::error::TextError;
 use super::mapping::TextMapping;
-use super::row::{BYTE_ORDER_MARK, Line, RowReader, number, split};
+use super::row::{BYTE_ORDER_MARK, Line, RowReader, is_text, number, split};
 
 impl TextMapping {
     /// Checks the beginning of a log against this mapping: a few kilobytes, at least its first rows.
@@ -79,6 +80,9 @@ impl TextMapping {
 
 /// Why a row does not read, in words.
 fn what_is_wrong(reader: &RowReader, line: &[u8]) -> String {
+    if line.len() > MAX_LINE || !is_text(line) {
+        return format!("it has control characters, or more than {MAX_LINE} bytes");
+    }
     let texts: Vec<&[u8]> = split(line, reader.delimiter).collect();
     let Some(columns) = reader.columns else {
         return "the header lacks a mapped column".to_owned();

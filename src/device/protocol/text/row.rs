@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use super::MAX_LINE;
 use super::mapping::{Column, Delimiter, Field, TextMapping};
 use crate::device::protocol::ImuReading;
 
@@ -50,7 +51,12 @@ impl RowReader {
         reader
     }
 
+    /// Reads the next line, with or without its line feed. One that is no text is bad and teaches nothing.
     pub(super) fn read(&mut self, line: &[u8]) -> Line {
+        let line = line.strip_suffix(b"\n").unwrap_or(line);
+        if line.len() > MAX_LINE || !is_text(line) {
+            return Line::Bad;
+        }
         let line = line.strip_prefix(BYTE_ORDER_MARK).unwrap_or(line);
         if self.is_empty(line) {
             return Line::Empty;
@@ -166,6 +172,11 @@ impl LineTimes {
         self.index += 1;
         time_s.or_else(|| self.period_s.map(|period| index as f64 * period))
     }
+}
+
+/// Whether a line or a piece of one has no control characters but tabs and carriage returns.
+pub(super) fn is_text(piece: &[u8]) -> bool {
+    piece.iter().all(|byte| !byte.is_ascii_control() || matches!(byte, b'\t' | b'\r'))
 }
 
 /// Fields of a line without surrounding blanks and quotes.

@@ -80,6 +80,20 @@ fn overlong_lines_are_skipped_whole() {
 }
 
 #[test]
+fn a_line_that_is_no_text_teaches_nobody_how_many_columns_there_are() {
+    let log = b"0,1,2,3,4,5,6,7,8\x01\n10,1,2,3,4,5,6\n20,1,2,3,4,5,6\n";
+    let map = mapping(SIX_COLUMNS);
+    let (readings, counters) = decode(&map, &[log]);
+    assert_eq!((readings.len(), counters.bad_checksum), (2, 1));
+    let mut times = map.line_times();
+    let stamped: Vec<Option<f64>> =
+        log.split_inclusive(|byte| *byte == b'\n').map(|line| times.time_of_line(line)).collect();
+    assert_eq!(stamped, [None, Some(0.01), Some(0.02)]);
+    let text = map.check_rows("a.csv", log).unwrap_err().to_string();
+    assert!(text.contains("a.csv, line 1: it has control characters"), "{text}");
+}
+
+#[test]
 fn names_are_found_in_a_quoted_header() {
     let by_name = mapping(
         "header = true\n[time]\ncolumn = \"Time, local\"\nunit = \"s\"\n\
