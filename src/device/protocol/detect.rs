@@ -133,6 +133,9 @@ pub const PROTOCOLS: &[Protocol] = &[
 /// then does not make noise a protocol.
 const UNDERSTOOD_SHARE: f64 = 0.5;
 
+/// Share of the bytes of a short capture that may be none of the protocol's.
+const NOISE_SHARE: f64 = 0.1;
+
 /// The names of all protocols, for people.
 pub fn protocol_names() -> String {
     PROTOCOLS.iter().map(|protocol| protocol.name).collect::<Vec<_>>().join(", ")
@@ -222,6 +225,22 @@ impl AutoDecoder {
         Some(best.decoder.as_ref())
     }
 
+    /// From now on the traffic is shown to this candidate alone.
+    fn settle_on(&mut self, found: usize) {
+        self.candidates.swap(0, found);
+        self.candidates.truncate(1);
+        self.found = true;
+    }
+
+    /// Of a capture too short to be certain: the one decoder that understands anything, if that is nearly all of it.
+    fn only_explanation(&self) -> Option<usize> {
+        let understands = |candidate: &Candidate| candidate.decoder.counters().packets > 0;
+        let only = self.candidates.iter().position(understands)?;
+        let alone = self.candidates[only + 1..].iter().all(|other| !understands(other));
+        let skipped = self.candidates[only].decoder.counters().bytes_skipped as f64;
+        (alone && self.bytes > 0 && skipped <= NOISE_SHARE * self.bytes as f64).then_some(only)
+    }
+
     /// Calls `act` on every candidate, with readings from the leader alone.
     fn with_each(
         &mut self,
@@ -262,9 +281,7 @@ impl PacketDecoder for AutoDecoder {
             }
             if let Some(found) = self.candidates.iter().position(|candidate| candidate.is_certain(self.bytes))
             {
-                self.candidates.swap(0, found);
-                self.candidates.truncate(1);
-                self.found = true;
+                self.settle_on(found);
             }
         }
     }
@@ -302,6 +319,11 @@ impl PacketDecoder for AutoDecoder {
 
     fn finish(&mut self, on_reading: &mut dyn FnMut(ImuReading)) {
         self.with_each(on_reading, |decoder, on_reading| decoder.finish(on_reading));
+        if !self.found
+            && let Some(only) = self.only_explanation()
+        {
+            self.settle_on(only);
+        }
     }
 
     fn notes(&self) -> Vec<String> {
@@ -343,6 +365,20 @@ mod tests {
         assert_eq!((decoder.protocol(), readings), (OTOLITH_SERIAL, 501));
         assert_eq!(decoder.counters().bytes_skipped, 0);
         assert_eq!(decoder.announced_rate_hz(), Some(1000.0));
+    }
+
+    #[test]
+    fn a_short_capture_is_named_at_its_end_if_one_protocol_explains_it() {
+        // The document's example of a VectorNav frame, alone and in noise.
+        let frame =
+            [0xFA, 1, 8, 0, 0x93, 0x50, 0x2E, 0x42, 0x83, 0x3E, 0xF1, 0x3F, 0x48, 0xB5, 4, 0xBB, 0x92, 0x88];
+        for (noise, name) in [(0, "vectornav"), (40, "unknown")] {
+            let mut decoder = AutoDecoder::on(&[Bus::Serial, Bus::Can]);
+            decoder.push(Traffic::Bytes(&[&frame[..], &vec![0x33; noise]].concat()), &mut |_| {});
+            assert_eq!(decoder.protocol(), "unknown");
+            decoder.finish(&mut |_| {});
+            assert_eq!((decoder.protocol(), decoder.counters().packets), (name, 1));
+        }
     }
 
     #[test]
