@@ -34,8 +34,6 @@ const INDEX_TURN: u64 = 256;
 pub struct Bno08xRvcDecoder {
     scanner: FrameScanner<FRAME_BYTES>,
     content: Content,
-    /// Bytes of traffic that is no serial line's.
-    foreign_bytes: u64,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -105,23 +103,12 @@ impl PacketDecoder for Bno08xRvcDecoder {
     }
 
     fn push(&mut self, traffic: Traffic<'_>, on_reading: &mut dyn FnMut(ImuReading)) {
-        let Self { scanner, content, foreign_bytes } = self;
-        match traffic {
-            Traffic::Bytes(bytes) => scanner.push(bytes, look, |frame| content.take(frame, on_reading)),
-            Traffic::CanFrame { data, .. } => *foreign_bytes += data.len() as u64,
-        }
+        let Self { scanner, content } = self;
+        scanner.take(traffic, look, |frame| content.take(frame, on_reading));
     }
 
     fn counters(&self) -> DecodeCounters {
-        let scanned = self.scanner.counters();
-        DecodeCounters {
-            packets: scanned.frames,
-            bad_checksum: scanned.bad_checksum,
-            bytes_skipped: scanned.bytes_skipped + self.foreign_bytes,
-            missing: self.content.missing,
-            unfinished_bytes: scanned.unfinished_bytes,
-            ..DecodeCounters::default()
-        }
+        DecodeCounters { missing: self.content.missing, ..self.scanner.counters().into() }
     }
 
     fn rejoin(&mut self) {

@@ -1,5 +1,8 @@
 //! Cuts frames out of a stream of bytes, for protocols whose frames begin with a fixed pattern.
 
+use super::DecodeCounters;
+use crate::device::Traffic;
+
 /// What the bytes at the front of the buffer are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Look {
@@ -27,6 +30,19 @@ pub(super) struct ScanCounters {
     pub(super) unfinished_bytes: u64,
 }
 
+/// The part of a decoder's counters that the scanner knows.
+impl From<ScanCounters> for DecodeCounters {
+    fn from(scanned: ScanCounters) -> Self {
+        Self {
+            packets: scanned.frames,
+            bad_checksum: scanned.bad_checksum,
+            bytes_skipped: scanned.bytes_skipped,
+            unfinished_bytes: scanned.unfinished_bytes,
+            ..Self::default()
+        }
+    }
+}
+
 /// Collects up to `N` bytes, the longest frame of the protocol, and looks for a frame at every position in turn, so
 /// that damage costs the damaged frame alone. No heap.
 #[derive(Clone, Debug)]
@@ -46,6 +62,20 @@ impl<const N: usize> Default for FrameScanner<N> {
 impl<const N: usize> FrameScanner<N> {
     pub(super) fn counters(&self) -> ScanCounters {
         self.counters
+    }
+
+    /// Takes traffic of any kind: a CAN frame holds no frame of a serial line, its bytes are skipped. See
+    /// [`FrameScanner::push`].
+    pub(super) fn take(
+        &mut self,
+        traffic: Traffic<'_>,
+        look: impl Fn(&[u8]) -> Look,
+        on_frame: impl FnMut(&[u8]),
+    ) {
+        match traffic {
+            Traffic::Bytes(bytes) => self.push(bytes, look, on_frame),
+            Traffic::CanFrame { data, .. } => self.counters.bytes_skipped += data.len() as u64,
+        }
     }
 
     /// Takes bytes, cut anywhere, and calls `on_frame` with each good frame. `look` is shown everything held from a

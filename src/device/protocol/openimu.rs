@@ -62,8 +62,6 @@ const S1_COUNTS: f64 = 32768.0;
 pub struct OpenImuDecoder {
     scanner: FrameScanner<LONGEST>,
     content: Content,
-    /// Bytes of traffic that is no serial line's.
-    foreign_bytes: u64,
 }
 
 #[derive(Clone, Debug)]
@@ -82,7 +80,7 @@ impl Default for OpenImuDecoder {
             info: None,
             unknown: 0,
         };
-        Self { scanner: FrameScanner::default(), content, foreign_bytes: 0 }
+        Self { scanner: FrameScanner::default(), content }
     }
 }
 
@@ -183,23 +181,15 @@ impl PacketDecoder for OpenImuDecoder {
     }
 
     fn push(&mut self, traffic: Traffic<'_>, on_reading: &mut dyn FnMut(ImuReading)) {
-        let Self { scanner, content, foreign_bytes } = self;
-        match traffic {
-            Traffic::Bytes(bytes) => scanner.push(bytes, look, |frame| content.take(frame, on_reading)),
-            Traffic::CanFrame { data, .. } => *foreign_bytes += data.len() as u64,
-        }
+        let Self { scanner, content } = self;
+        scanner.take(traffic, look, |frame| content.take(frame, on_reading));
     }
 
     fn counters(&self) -> DecodeCounters {
-        let scanned = self.scanner.counters();
         DecodeCounters {
-            packets: scanned.frames,
-            bad_checksum: scanned.bad_checksum,
-            bytes_skipped: scanned.bytes_skipped + self.foreign_bytes,
             missing: self.content.z1_clock.missing() + self.content.s1_clock.missing(),
             unknown: self.content.unknown,
-            unfinished_bytes: scanned.unfinished_bytes,
-            ..DecodeCounters::default()
+            ..self.scanner.counters().into()
         }
     }
 

@@ -62,8 +62,6 @@ const LONGEST_GAP: u16 = 1 << 15;
 pub struct XbusDecoder {
     scanner: FrameScanner<{ frame::LONGEST_MESSAGE }>,
     content: Content,
-    /// Bytes of traffic that is no serial line's.
-    foreign_bytes: u64,
 }
 
 impl XbusDecoder {
@@ -250,27 +248,17 @@ impl PacketDecoder for XbusDecoder {
 
     fn push(&mut self, traffic: Traffic<'_>, on_reading: &mut dyn FnMut(ImuReading)) {
         let Self { scanner, content, .. } = self;
-        match traffic {
-            Traffic::Bytes(bytes) => {
-                scanner.push(bytes, frame::look, |frame| content.take(frame, on_reading));
-            }
-            Traffic::CanFrame { data, .. } => self.foreign_bytes += data.len() as u64,
-        }
+        scanner.take(traffic, frame::look, |frame| content.take(frame, on_reading));
     }
 
     fn counters(&self) -> DecodeCounters {
-        let scan = self.scanner.counters();
         let content = &self.content;
         DecodeCounters {
-            packets: scan.frames,
-            bad_checksum: scan.bad_checksum,
-            bytes_skipped: scan.bytes_skipped + self.foreign_bytes,
             missing: content.missing + content.period.missing(),
             unknown: content.unreadable,
             lone_halves: content.halves.lone(),
             device_errors: content.device_errors,
-            unfinished_bytes: scan.unfinished_bytes,
-            ..DecodeCounters::default()
+            ..self.scanner.counters().into()
         }
     }
 

@@ -56,8 +56,6 @@ pub struct MavlinkDecoder {
     scanner: FrameScanner<{ frame::LONGEST + 1 }>,
     trust: Cell<Trust>,
     content: Content,
-    /// Bytes of traffic that is no serial line's.
-    foreign_bytes: u64,
 }
 
 impl MavlinkDecoder {
@@ -170,27 +168,19 @@ impl PacketDecoder for MavlinkDecoder {
     }
 
     fn push(&mut self, traffic: Traffic<'_>, on_reading: &mut dyn FnMut(ImuReading)) {
-        match traffic {
-            Traffic::Bytes(bytes) => self.scanner.push(
-                bytes,
-                |held| look(held, &self.trust),
-                |frame| self.content.take(frame, self.trust.get(), on_reading),
-            ),
-            Traffic::CanFrame { data, .. } => self.foreign_bytes += data.len() as u64,
-        }
+        self.scanner.take(
+            traffic,
+            |held| look(held, &self.trust),
+            |frame| self.content.take(frame, self.trust.get(), on_reading),
+        );
     }
 
     fn counters(&self) -> DecodeCounters {
-        let scan = self.scanner.counters();
         DecodeCounters {
-            packets: scan.frames,
-            bad_checksum: scan.bad_checksum,
-            bytes_skipped: scan.bytes_skipped + self.foreign_bytes,
             missing: self.content.missing,
             unknown: self.content.unknown,
             lone_halves: self.content.halves,
-            unfinished_bytes: scan.unfinished_bytes,
-            ..DecodeCounters::default()
+            ..self.scanner.counters().into()
         }
     }
 

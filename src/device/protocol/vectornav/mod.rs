@@ -50,8 +50,6 @@ pub struct VectorNavDecoder {
     scanner: FrameScanner<{ fields::LONGEST }>,
     content: Content,
     undecodable: Cell<Undecodable>,
-    /// Bytes of traffic that is no serial line's.
-    foreign_bytes: u64,
 }
 
 impl VectorNavDecoder {
@@ -211,27 +209,19 @@ impl PacketDecoder for VectorNavDecoder {
     }
 
     fn push(&mut self, traffic: Traffic<'_>, on_reading: &mut dyn FnMut(ImuReading)) {
-        match traffic {
-            Traffic::Bytes(bytes) => self.scanner.push(
-                bytes,
-                |held| look(held, &self.undecodable),
-                |frame| self.content.take(frame, on_reading),
-            ),
-            Traffic::CanFrame { data, .. } => self.foreign_bytes += data.len() as u64,
-        }
+        self.scanner.take(
+            traffic,
+            |held| look(held, &self.undecodable),
+            |frame| self.content.take(frame, on_reading),
+        );
     }
 
     fn counters(&self) -> DecodeCounters {
-        let scan = self.scanner.counters();
         DecodeCounters {
-            packets: scan.frames,
-            bad_checksum: scan.bad_checksum,
-            bytes_skipped: scan.bytes_skipped + self.foreign_bytes,
             missing: self.content.period.missing(),
             unknown: self.content.unreadable,
             device_errors: self.content.errors.iter().sum(),
-            unfinished_bytes: scan.unfinished_bytes,
-            ..DecodeCounters::default()
+            ..self.scanner.counters().into()
         }
     }
 

@@ -33,8 +33,6 @@ const FRAME_BYTES: usize = 11;
 pub struct WitMotionDecoder {
     scanner: FrameScanner<FRAME_BYTES>,
     pairing: Pairing,
-    /// Bytes of traffic that is no serial line's.
-    foreign_bytes: u64,
 }
 
 impl WitMotionDecoder {
@@ -66,24 +64,16 @@ impl PacketDecoder for WitMotionDecoder {
     }
 
     fn push(&mut self, traffic: Traffic<'_>, on_reading: &mut dyn FnMut(ImuReading)) {
-        let Self { scanner, pairing, foreign_bytes } = self;
-        match traffic {
-            Traffic::Bytes(bytes) => scanner.push(bytes, look, |frame| take(pairing, frame, on_reading)),
-            Traffic::CanFrame { data, .. } => *foreign_bytes += data.len() as u64,
-        }
+        let Self { scanner, pairing } = self;
+        scanner.take(traffic, look, |frame| take(pairing, frame, on_reading));
     }
 
     fn counters(&self) -> DecodeCounters {
-        let scanned = self.scanner.counters();
         DecodeCounters {
-            packets: scanned.frames,
-            bad_checksum: scanned.bad_checksum,
-            bytes_skipped: scanned.bytes_skipped + self.foreign_bytes,
             missing: self.pairing.missing(),
             unknown: self.pairing.unknown,
             lone_halves: self.pairing.lone_halves,
-            unfinished_bytes: scanned.unfinished_bytes,
-            ..DecodeCounters::default()
+            ..self.scanner.counters().into()
         }
     }
 
