@@ -36,5 +36,18 @@ const fn table() -> [u16; 256] {
 /// ```
 #[must_use]
 pub fn crc16(bytes: &[u8]) -> u16 {
-    bytes.iter().fold(0xFFFF, |crc, &byte| (crc << 8) ^ TABLE[usize::from((crc >> 8) as u8 ^ byte)])
+    crc16_from(0xFFFF, bytes)
+}
+
+/// The remainder from `start` on: other checksums of the same polynomial differ in nothing else, and a long input can
+/// be taken in pieces.
+///
+/// ```
+/// use otolith_firmware_protocol::crc::{crc16, crc16_from};
+/// assert_eq!(crc16_from(crc16(b"1234"), b"56789"), crc16(b"123456789"));
+/// assert_eq!(crc16_from(0, b"123456789"), 0x31C3); // CRC-16/XMODEM
+/// ```
+#[must_use]
+pub fn crc16_from(start: u16, bytes: &[u8]) -> u16 {
+    bytes.iter().fold(start, |crc, &byte| (crc << 8) ^ TABLE[usize::from((crc >> 8) as u8 ^ byte)])
 }

@@ -26,7 +26,6 @@ pub mod pacer;
 pub mod probe;
 pub mod protocol;
 pub mod reconnect;
-pub mod recorder;
 pub mod replay;
 pub mod selector;
 pub mod serial;

@@ -139,3 +139,13 @@ fn number(json: &Value, pointer: &str) -> f64 {
     let value = json.pointer(pointer).and_then(Value::as_f64);
     value.unwrap_or_else(|| panic!("no number at {pointer} in {json:#}"))
 }
+
+/// The number at a JSON pointer is the expected one.
+#[track_caller]
+fn near(json: &Value, pointer: &str, expected: f64, tolerance: f64) {
+    let found = number(json, pointer);
+    assert!(
+        (found - expected).abs() <= tolerance,
+        "{pointer} is {found}, expected {expected} +- {tolerance}"
+    );
+}

@@ -5,9 +5,9 @@
 mod frames;
 
 use frames::{CHECKED, Checked};
-use otolith::device::Traffic;
 use otolith::device::protocol::DecodeCounters;
 use otolith::device::protocol::detect::{Bus, PROTOCOLS, decoder_by_name};
+use otolith::device::{Noise, Traffic};
 use serde_json::Value;
 
 /// Frames to damage, of real captures and documents; of our own protocol those of its reference implementation.
@@ -50,24 +50,20 @@ fn accepted(checked: &Checked, counters: &DecodeCounters) -> u64 {
     counters.packets - if checked.unknown_is_weak { counters.unknown } else { 0 }
 }
 
-/// SplitMix64.
-struct Random(u64);
+/// Bytes and places of chance.
+struct Random(Noise);
 
 impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+    fn new(seed: u64) -> Self {
+        Self(Noise::new(seed))
     }
 
     fn byte(&mut self) -> u8 {
-        self.next() as u8
+        self.0.next_u32() as u8
     }
 
     fn below(&mut self, limit: usize) -> usize {
-        (self.next() % limit as u64) as usize
+        self.0.next_u32() as usize % limit
     }
 
     /// A piece of `length` bytes at least `least` long.
@@ -124,7 +120,7 @@ fn gap(checked: &Checked, random: &mut Random) -> Vec<u8> {
 }
 
 fn tally(checked: &Checked, frames: u64) -> Tally {
-    let (good, mut random) = (good_frames(checked), Random(1));
+    let (good, mut random) = (good_frames(checked), Random::new(1));
     let mut tally = Tally::default();
     while tally.frames < frames {
         let [before, frame, other, behind] =
@@ -188,7 +184,7 @@ fn millions_of_damaged_frames_pass_no_more_often_than_their_checksum_lets_them()
 #[test]
 fn no_frame_with_one_flipped_bit_passes() {
     for checked in protocols() {
-        let (good, mut random) = (good_frames(checked), Random(2));
+        let (good, mut random) = (good_frames(checked), Random::new(2));
         let mut flips = 0;
         for round in 0..30 {
             let [before, frame, behind] =

@@ -103,9 +103,7 @@ fn look(bytes: &[u8]) -> Look {
             match bytes.get(2..end + 2) {
                 None => Look::Incomplete,
                 // Over its own value as well, the check gives zero.
-                Some(checked) if crc::highest_bit_first(crc::SPI_FUJITSU_START, checked) == 0 => {
-                    Look::Frame(end + 2)
-                }
+                Some(checked) if crc::spi_fujitsu(checked) == 0 => Look::Frame(end + 2),
                 Some(_) => Look::Damaged,
             }
         }

@@ -3,22 +3,13 @@
 
 use serde_json::Value;
 
-use super::{Place, Run, number, shared_log, shipped};
+use super::{Place, Run, near, number, shared_log, shipped};
 
 /// Calibrates from a turntable log with further arguments; `None` where the shared recordings are not at hand.
 fn turntable(place: &Place, log: &str, more: &[&str]) -> Option<Run> {
     let log = shared_log(&format!("turntable/{log}.txt"))?;
     let mapping = shipped("configs/logs/turntable-lsm9ds1.toml");
     Some(place.run(&[&["calibrate", &log, "--log-map", &mapping], more].concat()))
-}
-
-#[track_caller]
-fn near(json: &Value, pointer: &str, expected: f64, tolerance: f64) {
-    let found = number(json, pointer);
-    assert!(
-        (found - expected).abs() <= tolerance,
-        "{pointer} is {found}, expected {expected} +- {tolerance}"
-    );
 }
 
 #[test]

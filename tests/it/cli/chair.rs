@@ -2,22 +2,13 @@
 
 use serde_json::Value;
 
-use super::{Place, number, shared_log, shipped};
+use super::{Place, near, number, shared_log, shipped};
 
 /// The report on a shared log; `None` where the shared recordings are not at hand.
 fn report(log: &str, mapping: &str) -> Option<Value> {
     let log = shared_log(log)?;
     let mapping = shipped(&format!("configs/logs/{mapping}"));
     Some(Place::new().run(&["chair", &log, "--log-map", &mapping, "--json"]).done().json())
-}
-
-#[track_caller]
-fn near(json: &Value, pointer: &str, expected: f64, tolerance: f64) {
-    let found = number(json, pointer);
-    assert!(
-        (found - expected).abs() <= tolerance,
-        "{pointer} is {found}, expected {expected} +- {tolerance}"
-    );
 }
 
 #[test]
