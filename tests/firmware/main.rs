@@ -255,6 +255,29 @@ fn the_sensor_is_read_over_i2c_in_its_ranges_and_survives_being_unplugged() {
     device.unplug();
 }
 
+/// No read fails, but what is read is a sleeping sensor.
+#[test]
+fn a_sensor_that_lost_its_power_between_two_readings_is_woken_again() {
+    let _alone = ONE_AT_A_TIME.lock();
+    let Some(bench) = bench() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let motion = motion_file(folder.path(), [0.0; 3], [0.0, 0.0, 1.0]);
+    let options = ["--mpu6050", &motion, "--unplug", "1.002,1.003"];
+    let device = Device::plug_in(bench, folder.path(), &bench.mpu6050, &options);
+    let mut host = Conversation::open(&device);
+    let complained = host.listen_from(0, |heard| matches!(heard, Heard::Text(_)));
+    let Heard::Text(text) = &host.heard[complained] else { unreachable!() };
+    assert!(text.contains("lost its power"), "{text}");
+    host.listen_from(complained, |heard| matches!(heard, Heard::Sample(_)));
+    let rest = ([0; 3], counts([0.0, 0.0, 1.0], ACCEL_COUNTS_PER_G));
+    for sample in host.samples_from(0) {
+        assert_eq!((sample.gyro, sample.accel), rest, "{sample:?}");
+    }
+    assert_eq!(host.next_status().sensor_err, 1);
+    host.ends_without_a_loss();
+    device.unplug();
+}
+
 #[test]
 fn the_program_feels_what_the_sensor_feels_a_thousand_times_a_second() {
     let _alone = ONE_AT_A_TIME.lock();

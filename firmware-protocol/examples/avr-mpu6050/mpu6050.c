@@ -9,6 +9,7 @@
 
 #define SMPLRT_DIV 0x19 /* the first of four settings in a row */
 #define ACCEL_XOUT_H 0x3B
+#define MEASUREMENT_BYTES 14
 #define PWR_MGMT_1 0x6B
 #define WHO_AM_I 0x75
 
@@ -59,7 +60,7 @@ static void request(void)
         twi_transfer(ADDRESS, configure, sizeof configure, 0);
         break;
     case MEASURE:
-        twi_transfer(ADDRESS, measurement, sizeof measurement, 14);
+        twi_transfer(ADDRESS, measurement, sizeof measurement, MEASUREMENT_BYTES);
         break;
     }
 }
@@ -94,6 +95,16 @@ static void read_measurement(const uint8_t *in, struct reading *reading)
     reading->temperature_centi_deg = (int16_t)((int32_t)big_endian(in + 6) * 5 / 17 + 3653);
 }
 
+/* After a loss of power the sensor sleeps and its registers are zero. A real reading never is: at the temperature whose
+ * count is zero, 36.53 deg C, it would have to fall freely. */
+static bool asleep(const uint8_t *in)
+{
+    uint8_t bits = 0;
+    for (uint8_t at = 0; at < MEASUREMENT_BYTES; at++)
+        bits |= in[at];
+    return bits == 0;
+}
+
 /* What a finished transfer means; true with a reading. */
 static bool advance(const uint8_t *in, struct reading *reading)
 {
@@ -112,6 +123,10 @@ static bool advance(const uint8_t *in, struct reading *reading)
         settling = SETTLING_READINGS;
         return false;
     case MEASURE:
+        if (asleep(in)) {
+            fail("the MPU-6050 lost its power for a moment; check VCC and GND");
+            return false;
+        }
         if (settling > 0) {
             settling--;
             return false;

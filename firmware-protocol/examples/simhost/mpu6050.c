@@ -53,14 +53,14 @@ static void measure(struct mpu6050 *sensor)
     put_word(sensor, TEMP_OUT_H, (TEMPERATURE_DEG - 36.53) * 340);
 }
 
-/* A sensor that has lost its power forgets. */
+/* A sensor that has lost its power forgets, whether or not anybody asked in the meantime. */
 static bool is_plugged_in(struct mpu6050 *sensor)
 {
     double now_s = time_s(sensor);
-    bool away = now_s >= sensor->unplugged_from_s && now_s < sensor->unplugged_to_s;
-    if (away)
+    if (now_s >= sensor->unplugged_from_s && sensor->asked_s < sensor->unplugged_to_s)
         reset_registers(sensor);
-    return !away;
+    sensor->asked_s = now_s;
+    return now_s < sensor->unplugged_from_s || now_s >= sensor->unplugged_to_s;
 }
 
 static void answer(struct mpu6050 *sensor, uint8_t what, uint8_t address, uint8_t data)
@@ -124,5 +124,6 @@ void mpu6050_power_up(struct mpu6050 *sensor)
 {
     sensor->power_up_cycle = sensor->avr->cycle;
     sensor->addressed = false;
+    sensor->asked_s = 0;
     reset_registers(sensor);
 }

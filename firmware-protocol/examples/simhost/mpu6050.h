@@ -19,6 +19,7 @@ struct mpu6050 {
     const struct motion *motion;
     uint64_t power_up_cycle;             /* the motion's time 0 */
     double unplugged_from_s, unplugged_to_s; /* does not answer in between; equal: always there */
+    double asked_s;                          /* when the bus last called it */
     uint8_t registers[128];
     uint8_t pointer;
     bool addressed;
