@@ -9,7 +9,7 @@ use crate::device::configure::Plan;
 use crate::device::fault::FaultInjector;
 use crate::device::protocol::PacketDecoder;
 use crate::device::protocol::can_map::CanMapDecoder;
-use crate::device::protocol::detect::{CAN_MAP, TEXT, decoder_by_name, decoder_for};
+use crate::device::protocol::detect::{CAN_MAP, TEXT, check_fits, decoder_for};
 use crate::device::protocol::text::{self, KnownLog, TextDecoder, TextMapping};
 use crate::device::replay::{self, FileKind};
 use crate::device::{self, DeviceError, LineStamper, Link, Selector, pacer::Paced};
@@ -134,17 +134,20 @@ pub(super) fn decoder(
     if let (Some(map), Some(CAN_MAP) | None) = (&sensor.can_map, protocol)
         && !text_log
     {
+        check_fits(selector, CAN_MAP)?;
         return Ok(Box::new(CanMapDecoder::new(map)));
     }
     // A mapping is given for text only: a log, or a sketch that prints lines.
     let text_fits = text_log || matches!(selector, Selector::Serial { .. });
     match (protocol, &sensor.mapping) {
-        (Some(TEXT), Some(mapping)) => Ok(Box::new(TextDecoder::new(mapping))),
+        (Some(TEXT), Some(mapping)) => {
+            check_fits(selector, TEXT)?;
+            Ok(Box::new(TextDecoder::new(mapping)))
+        }
         (None, Some(mapping)) if text_fits => Ok(Box::new(TextDecoder::new(mapping))),
         (Some(TEXT), None) => Err(needs_mapping(selector)),
-        (Some(name), _) => Ok(decoder_by_name(name)?),
         (None, None) if text_log => Err(needs_mapping(selector)),
-        (None, _) => Ok(decoder_for(selector)),
+        (name, _) => Ok(decoder_for(selector, name)?),
     }
 }
 

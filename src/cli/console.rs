@@ -9,6 +9,7 @@ use indicatif::ProgressBar;
 
 use super::failure::{Failure, FailureKind};
 use super::show;
+use crate::runtime::trouble::Troubles;
 use crate::runtime::{LiveStatus, Signals, StatusLine};
 use crate::time::Clock;
 use crate::units::{DEG_PER_RAD, RAD_S_PER_RPM};
@@ -45,8 +46,9 @@ pub(super) fn show_status(
 fn status_line(line: &StatusLine) -> String {
     let dropped = if line.dropped > 0 { format!(", {} dropped", line.dropped) } else { String::new() };
     let fallen = if line.green_fallen { " fallen (r + Enter stands it up)" } else { "" };
+    let troubles = troubles_text(line.troubles);
     format!(
-        "{:7.1} s  link {:<7} sample {:4.0} ms old{dropped}  chair {:6.1} rpm  green: gravity off by {:4.1} deg, sway {:4.1} deg{fallen}  blue: sway {:4.1} deg",
+        "{:7.1} s  link {:<7} sample {:4.0} ms old{dropped}{troubles}  chair {:6.1} rpm  green: gravity off by {:4.1} deg, sway {:4.1} deg{fallen}  blue: sway {:4.1} deg",
         line.tick as f64 * 1e-3,
         format!("{:?}", line.link).to_lowercase(),
         line.sample_age_s * 1e3,
@@ -55,6 +57,17 @@ fn status_line(line: &StatusLine) -> String {
         line.green_sway * DEG_PER_RAD,
         line.blue_sway * DEG_PER_RAD,
     )
+}
+
+/// Troubles named in the status line; the events have all of them.
+const NAMED_TROUBLES: usize = 2;
+
+/// The gravest troubles by name and how many more there are; empty where there is none.
+fn troubles_text(troubles: Troubles) -> String {
+    let names: Vec<&str> = troubles.iter().map(|trouble| trouble.name()).collect();
+    let (named, rest) = names.split_at(names.len().min(NAMED_TROUBLES));
+    let more = if rest.is_empty() { String::new() } else { format!(" and {} more", rest.len()) };
+    named.iter().map(|name| format!(", {name}")).collect::<String>() + &more
 }
 
 /// The first Ctrl-C ends the run cleanly; a second one ends the process.
@@ -82,4 +95,21 @@ pub(super) fn listen_for_keys(signals: &Arc<Signals>) {
             }
         }
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::runtime::trouble::Trouble;
+
+    #[test]
+    fn the_gravest_troubles_are_named_and_the_others_counted() {
+        let text = |troubles: &[Trouble]| troubles_text(troubles.iter().copied().collect());
+        assert_eq!(text(&[]), "");
+        assert_eq!(text(&[Trouble::Gap]), ", gaps between samples");
+        let many = [Trouble::Clipping, Trouble::Gap, Trouble::BusOff, Trouble::MissingPackets];
+        assert_eq!(text(&many), ", bus off, missing packets and 2 more");
+        let line = StatusLine { troubles: many.into_iter().collect(), ..LiveStatus::default().load() };
+        assert!(status_line(&line).contains("ms old, bus off, missing packets and 2 more  chair"));
+    }
 }

@@ -197,10 +197,15 @@ pub(super) fn heard_line(heard: &Heard) -> String {
             format!("text lines with {columns} numbers{at_baud}{rate}: needs --log-map")
         }
         Verdict::Unknown if heard.frames > 0 => {
-            let (frames, ids) = (heard.frames, heard.ids);
+            let (frames, ids, listened_s) = (heard.frames, heard.ids, heard.listened_s);
+            let maps = match heard.fitting_maps() {
+                [] => {
+                    "; a mapping of its signals is needed (--map), and none of the ready ones fits".to_owned()
+                }
+                maps => format!("; ready mappings that fit (--map): {}", maps.join(", ")),
+            };
             format!(
-                "unknown: {frames} frames with {ids} identifiers in {:.1} s, but no protocol",
-                heard.listened_s
+                "unknown: {frames} frames with {ids} identifiers in {listened_s:.1} s, but no protocol{maps}"
             )
         }
         Verdict::Unknown => {

@@ -4,6 +4,8 @@ use std::fmt;
 use std::io::ErrorKind;
 use std::process::ExitCode;
 
+use clap::CommandFactory;
+
 use super::perceive::PerceiveError;
 use crate::config::ConfigError;
 use crate::device::DeviceError;
@@ -49,6 +51,29 @@ impl Failure {
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.message)
+    }
+}
+
+impl From<clap::Error> for Failure {
+    /// What `clap` says about wrong arguments, in this program's layout: its first paragraph is the message, its tips and
+    /// its usage line are the hint.
+    fn from(error: clap::Error) -> Self {
+        let text = error.render().to_string();
+        let line_after = |start: &str| {
+            let lines = text.lines().filter_map(|line| line.trim().strip_prefix(start));
+            lines.map(str::to_owned).collect::<Vec<_>>()
+        };
+        let message: Vec<&str> = text.lines().map(str::trim).take_while(|line| !line.is_empty()).collect();
+        let message = message.join(" ");
+        let message = message.strip_prefix("error: ").unwrap_or(&message);
+        let mut hints = line_after("tip: ");
+        if hints.is_empty() {
+            hints.extend(line_after("Usage: ").iter().map(|usage| format!("usage: {usage}")));
+        }
+        let is_command = |arg: &String| super::Cli::command().find_subcommand(arg).is_some();
+        let command = std::env::args().skip(1).find(is_command).map_or_else(String::new, |name| name + " ");
+        hints.push(format!("`otolith {command}--help` says what there is"));
+        Self::usage(format!("{message}\n\nhint: {}", hints.join("; ")))
     }
 }
 

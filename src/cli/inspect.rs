@@ -18,10 +18,10 @@ use super::show;
 use crate::config::{Config, ConfigError, SENSOR_CAN_DBC, SENSOR_CAN_MAP, SENSOR_LOG_MAP};
 use crate::device::protocol::PacketDecoder;
 use crate::device::protocol::can_map::{CanMap, CanMapDecoder};
-use crate::device::protocol::detect::{CAN_MAP, TEXT, decoder_by_name, decoder_for};
+use crate::device::protocol::detect::{CAN_MAP, TEXT, decoder_for};
 use crate::device::protocol::text::{TextDecoder, TextMapping};
 use crate::device::replay::{self, FileKind};
-use crate::device::{self, DeviceError, LinkError, Selector};
+use crate::device::{self, DeviceError, LinkError, LinkStatus, Selector};
 use crate::time::{Clock, SystemClock};
 use inspection::Inspection;
 use tally::Tally;
@@ -91,8 +91,7 @@ fn log(args: &InspectArgs) -> Result<Inspection, Failure> {
     }
     tally.finish(decoder.as_mut());
     let kind = format!("{:?}", replay::detect(&args.file)?).to_lowercase();
-    let mut inspection = tally.inspection(&args.file, &kind, decoder.as_ref());
-    inspection.link.bytes_skipped += link.status().bytes_skipped;
+    let mut inspection = tally.inspection(&args.file, &kind, decoder.as_ref(), &link.status());
     if let Some(known) = known {
         inspection.notes.push(format!("columns as in the built-in {}", known.file));
     }
@@ -115,7 +114,7 @@ fn recording(args: &InspectArgs) -> Result<Inspection, Failure> {
         tally.take(decoder.as_mut(), piece.at, piece.traffic());
     }
     tally.finish(decoder.as_mut());
-    let mut inspection = tally.inspection(&args.file, "recording", decoder.as_ref());
+    let mut inspection = tally.inspection(&args.file, "recording", decoder.as_ref(), &LinkStatus::default());
     inspection.ticks = Some(recording.damage().ticks_read);
     inspection.damage = Some(recording.damage().clone());
     for event in recording.events()? {
@@ -146,14 +145,14 @@ pub(super) fn decoder_of_recording(
     let mut decoder: Box<dyn PacketDecoder> = match (protocol, &sensor.mapping, &sensor.can_map) {
         (Some(CAN_MAP), _, Some(can_map)) => Box::new(CanMapDecoder::new(can_map)),
         (Some(TEXT), Some(mapping), _) => Box::new(TextDecoder::new(mapping)),
-        (Some(name), _, _) => decoder_by_name(name)?,
+        (Some(name), _, _) => decoder_for(&selector, Some(name))?,
         (None, _, Some(can_map)) => Box::new(CanMapDecoder::new(can_map)),
         (None, Some(mapping), None)
             if matches!(selector, Selector::Replay { .. } | Selector::Serial { .. }) =>
         {
             Box::new(TextDecoder::new(mapping))
         }
-        (None, _, None) => decoder_for(&selector),
+        (None, _, None) => decoder_for(&selector, None)?,
     };
     if flags.allow_degraded || config.allow_degraded {
         decoder.allow_degraded();

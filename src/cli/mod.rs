@@ -20,9 +20,13 @@ mod session;
 mod show;
 
 use std::process::ExitCode;
+use std::sync::Arc;
 
+use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
+use crate::runtime::Signals;
+use console::stop_on_ctrl_c;
 pub use failure::{Failure, FailureKind};
 
 /// Strap any IMU to a chair and watch, live, what the inner ear believes and how a body that trusts it sways.
@@ -66,25 +70,44 @@ enum Command {
 
 /// Parses the arguments of the process, runs the command, and gives its exit code.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
-    let json = cli.json;
-    let result = match &cli.command {
-        Command::Demo(args) => demo::run(args, json),
-        Command::Run(args) => run::run(args, json),
-        Command::Replay(args) => replay::run(args, json),
-        Command::Reproduce(args) => reproduce::run(args, json),
-        Command::Perceive(args) => perceive::run(args).map_err(Failure::from).and_then(|summary| {
-            show::result(&summary, json)?;
-            Ok(ExitCode::SUCCESS)
-        }),
-        Command::Devices(args) => devices::run(args, json),
-        Command::Doctor(args) => doctor::run(args, json),
-        Command::Inspect(args) => inspect::run(args, json),
-        Command::Calibrate(args) => calibrate::run(args, json),
-        Command::Chair(args) => chair::run(args, json),
+    let result = match Cli::try_parse() {
+        Ok(cli) => run(&cli),
+        Err(error) if is_help(error.kind()) => error.exit(),
+        Err(error) => Err(error.into()),
     };
     result.unwrap_or_else(|failure| {
         show::note(&format!("error: {failure}"));
         failure.exit_code()
     })
+}
+
+/// Whether `clap` answers with a text that was asked for, or with the help because there was nothing else.
+fn is_help(kind: ErrorKind) -> bool {
+    matches!(
+        kind,
+        ErrorKind::DisplayHelp
+            | ErrorKind::DisplayVersion
+            | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand
+    )
+}
+
+fn run(cli: &Cli) -> Result<ExitCode, Failure> {
+    let json = cli.json;
+    match &cli.command {
+        Command::Demo(args) => demo::run(args, json),
+        Command::Run(args) => run::run(args, json),
+        Command::Replay(args) => replay::run(args, json),
+        Command::Reproduce(args) => reproduce::run(args, json),
+        Command::Perceive(args) => {
+            let signals = Arc::new(Signals::default());
+            stop_on_ctrl_c(&signals)?;
+            show::result(&perceive::run_until(args, &signals.stop)?, json)?;
+            Ok(ExitCode::SUCCESS)
+        }
+        Command::Devices(args) => devices::run(args, json),
+        Command::Doctor(args) => doctor::run(args, json),
+        Command::Inspect(args) => inspect::run(args, json),
+        Command::Calibrate(args) => calibrate::run(args, json),
+        Command::Chair(args) => chair::run(args, json),
+    }
 }

@@ -7,6 +7,7 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::builder::PossibleValuesParser;
 use nalgebra::Vector3;
@@ -77,6 +78,14 @@ pub struct PerceiveSummary {
 /// [`PerceiveError`]: an unknown preset, a file that cannot be read or written, an output that exists, or the first
 /// bad row of the input with its line and column. In every case no output file is left or changed.
 pub fn run(args: &PerceiveArgs) -> Result<PerceiveSummary, PerceiveError> {
+    run_until(args, &AtomicBool::new(false))
+}
+
+/// [`run`], given up as soon as `stop` is set.
+///
+/// # Errors
+/// As [`run`], and [`PerceiveError::Interrupted`].
+pub fn run_until(args: &PerceiveArgs, stop: &AtomicBool) -> Result<PerceiveSummary, PerceiveError> {
     let parameters = ObserverParameters::preset(&args.preset)
         .ok_or_else(|| PerceiveError::UnknownPreset { name: args.preset.clone() })?;
     let observer = NewmanObserver::new(parameters)?;
@@ -98,6 +107,9 @@ pub fn run(args: &PerceiveArgs) -> Result<PerceiveSummary, PerceiveError> {
         let percept = perceiver.step(&row?);
         summary.add(first.t_s, &percept);
         output.write(&percept)?;
+        if stop.load(Ordering::Relaxed) {
+            return Err(PerceiveError::Interrupted { path: args.out.clone() });
+        }
     }
     output.finish()?;
     Ok(summary)

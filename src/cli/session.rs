@@ -263,11 +263,13 @@ impl Session {
         Failure::new(
             FailureKind::Failed,
             format!(
-                "{}: not one sample arrived (protocol {}, {} good packets, {} bytes skipped){}\n\nhint: {hint}",
+                "{}: not one sample arrived (protocol {}, {} good packets, {} bytes skipped, {} packets of other \
+                 kinds){}\n\nhint: {hint}",
                 self.selector,
                 facts.protocol,
                 facts.decode.packets,
                 facts.decode.bytes_skipped + facts.link.bytes_skipped,
+                facts.decode.unknown,
                 facts.notes.iter().map(|note| format!("; {note}")).collect::<String>(),
             ),
         )

@@ -30,7 +30,8 @@ impl<F: FnMut() -> Vec<DiscoveredPort>> PortFinder<F> {
     /// Opens the port with `open`, which is given a node.
     ///
     /// # Errors
-    /// What `open` says, or [`DeviceError::NoSuchPort`] when no device has the serial number asked for.
+    /// What `open` says, or [`DeviceError::NoSuchPort`] when no device has the serial number asked for, or another device
+    /// has taken the name of the one that was open.
     pub(super) fn open<L>(
         &mut self,
         open: impl FnOnce(&str) -> Result<L, DeviceError>,
@@ -51,10 +52,16 @@ impl<F: FnMut() -> Vec<DiscoveredPort>> PortFinder<F> {
             let still_leads_there = canonical(&self.port) == canonical(node);
             return Ok(if still_leads_there { self.port.clone() } else { node.to_owned() });
         }
-        let Some(serial_number) = self.port.strip_prefix(USB_PREFIX) else { return Ok(self.port.clone()) };
-        let node = node_of(ports, |usb| usb.serial_number.as_deref() == Some(serial_number));
-        node.map(str::to_owned)
-            .ok_or_else(|| DeviceError::NoSuchPort { port: self.port.clone(), hint: serial_numbers(ports) })
+        let node = match self.port.strip_prefix(USB_PREFIX) {
+            Some(serial_number) => {
+                let is_wanted = |usb: &UsbIdentity| usb.serial_number.as_deref() == Some(serial_number);
+                node_of(ports, is_wanted).map(str::to_owned)
+            }
+            // Another device may have taken the name of the one that is gone.
+            None if self.known.is_some() && usb_at(ports, &self.port).is_some() => None,
+            None => Some(self.port.clone()),
+        };
+        node.ok_or_else(|| DeviceError::NoSuchPort { port: self.port.clone(), hint: serial_numbers(ports) })
     }
 }
 

@@ -37,7 +37,7 @@ mod testing;
 pub use error::DeviceError;
 pub use noise::Noise;
 pub use replay::LineStamper;
-pub use selector::Selector;
+pub use selector::{CanDevice, Selector};
 pub use status::LinkStatus;
 
 /// One piece of raw traffic.
@@ -143,11 +143,14 @@ pub fn open(
             Ok(Box::new(reconnect::Reconnecting::open(opener, clock)?))
         }
         Selector::Slcan { port, bitrate, baud, .. } => {
-            let (port, bitrate, baud, clock) = (port.clone(), *bitrate, *baud, Arc::clone(clock));
+            let (bitrate, baud, clock) = (*bitrate, *baud, Arc::clone(clock));
             let reopen_clock = Arc::clone(&clock);
+            let mut finder = find::PortFinder::new(port, discover::discover);
             let opener = move || {
-                let line = serial::SerialLink::open(&port, baud, Arc::clone(&reopen_clock))?;
-                slcan::SlcanLink::open(line, &port, bitrate)
+                finder.open(|node| {
+                    let line = serial::SerialLink::open(node, baud, Arc::clone(&reopen_clock))?;
+                    slcan::SlcanLink::open(line, node, bitrate)
+                })
             };
             Ok(Box::new(reconnect::Reconnecting::open(opener, clock)?))
         }

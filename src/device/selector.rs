@@ -15,6 +15,8 @@ pub const DEFAULT_BAUD: u32 = 921_600;
 const BAUD_RANGE: std::ops::RangeInclusive<u32> = 300..=12_000_000;
 /// Highest node number whose seven identifiers still fit in 11 bits: 0x3A0 + 0x10 × 69 + 6 = 0x7F6.
 const MAX_NODE: u8 = 69;
+/// Largest identifier of 11 bits.
+const MAX_STANDARD_ID: u16 = 0x7FF;
 
 /// A device, parsed. `Display` writes a selector that parses to the same value.
 ///
@@ -22,8 +24,8 @@ const MAX_NODE: u8 = 69;
 /// |---|---|
 /// | `serial:PORT?baud=921600` | a serial port, 8N1 |
 /// | `serial:usb=SERIALNUMBER?baud=921600` | the serial port of the USB device with this serial number |
-/// | `can:IFACE?node=N` | a SocketCAN interface; without `node` the first node that describes itself |
-/// | `slcan:PORT?bitrate=500000&baud=115200&node=N` | a CAN bus behind a serial adapter that speaks slcan |
+/// | `can:IFACE?node=N`, `can:IFACE?witmotion_id=0x50` | a SocketCAN interface, and which [`CanDevice`] on the bus |
+/// | `slcan:PORT?bitrate=500000&baud=115200&node=N` | a CAN bus behind a serial adapter that speaks slcan; PORT as of `serial:`, device as of `can:` |
 /// | `replay:FILE?kind=text\|candump\|raw\|tlog&baud=N` | a recording; the kind is found from the content if not given |
 /// | `mock:chair?rate_rpm=30&spin_s=15...`, `mock:rest?rest_s=10...` | no hardware, keys of [`MockParams`] |
 #[derive(Clone, Debug, PartialEq)]
@@ -39,8 +41,8 @@ pub enum Selector {
     Can {
         /// Name of the network interface.
         interface: String,
-        /// Node number of the IMU; `None` takes the first that describes itself.
-        node: Option<u8>,
+        /// Which device on the bus is meant.
+        device: CanDevice,
     },
     /// A CAN bus behind a serial adapter that speaks slcan.
     Slcan {
@@ -50,8 +52,8 @@ pub enum Selector {
         bitrate: u32,
         /// Baud rate of the port, bit/s.
         baud: u32,
-        /// Node number of the IMU; `None` takes the first that describes itself.
-        node: Option<u8>,
+        /// Which device on the bus is meant.
+        device: CanDevice,
     },
     /// A recorded file.
     Replay {
@@ -64,6 +66,39 @@ pub enum Selector {
     },
     /// A simulated device.
     Mock(MockParams),
+}
+
+/// Which of the devices on a CAN bus is meant.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CanDevice {
+    /// The first whose protocol is understood.
+    #[default]
+    First,
+    /// The one with this node number, of our own protocol.
+    Node(u8),
+    /// The WitMotion device with this identifier, which can be set in it.
+    WitMotion(u16),
+}
+
+impl CanDevice {
+    /// The option that names it, `None` for the first.
+    fn option(self) -> Option<String> {
+        match self {
+            CanDevice::First => None,
+            CanDevice::Node(node) => Some(format!("node={node}")),
+            CanDevice::WitMotion(id) => Some(format!("witmotion_id={id:#x}")),
+        }
+    }
+}
+
+impl Selector {
+    /// Which device on a CAN bus is meant; the first where there is no bus.
+    pub fn can_device(&self) -> CanDevice {
+        match self {
+            Selector::Can { device, .. } | Selector::Slcan { device, .. } => *device,
+            _ => CanDevice::First,
+        }
+    }
 }
 
 impl FromStr for Selector {
@@ -150,12 +185,30 @@ impl<'a> Options<'a> {
         })
     }
 
-    fn node(&self) -> Result<Option<u8>, DeviceError> {
-        let Some(text) = self.value("node") else { return Ok(None) };
-        text.parse().ok().filter(|node| *node <= MAX_NODE).map(Some).ok_or_else(|| {
-            let hint = format!("expected a whole number from 0 to {MAX_NODE}");
-            problem(self.selector, &format!("node = `{text}` is not a node number"), hint)
-        })
+    fn can_device(&self) -> Result<CanDevice, DeviceError> {
+        match (self.value("node"), self.value("witmotion_id")) {
+            (None, None) => Ok(CanDevice::First),
+            (Some(text), None) => {
+                let node = text.parse().ok().filter(|node| *node <= MAX_NODE);
+                node.map(CanDevice::Node).ok_or_else(|| {
+                    let hint = format!("expected a whole number from 0 to {MAX_NODE}");
+                    problem(self.selector, &format!("node = `{text}` is not a node number"), hint)
+                })
+            }
+            (None, Some(text)) => {
+                let digits = text.strip_prefix("0x").map(|digits| u16::from_str_radix(digits, 16));
+                let id = digits.unwrap_or_else(|| text.parse()).ok().filter(|id| *id <= MAX_STANDARD_ID);
+                id.map(CanDevice::WitMotion).ok_or_else(|| {
+                    let hint = format!("expected 0x0 to {MAX_STANDARD_ID:#x}, such as 0x50 or 80");
+                    problem(self.selector, &format!("witmotion_id = `{text}` is no identifier"), hint)
+                })
+            }
+            (Some(_), Some(_)) => {
+                let hint =
+                    "`node` is for devices of our own protocol, `witmotion_id` for WitMotion".to_owned();
+                Err(problem(self.selector, "both `node` and `witmotion_id` are given", hint))
+            }
+        }
     }
 }
 
@@ -169,17 +222,17 @@ fn serial(target: &str, options: &Options<'_>) -> Result<Selector, DeviceError> 
 }
 
 fn can(target: &str, options: &Options<'_>) -> Result<Selector, DeviceError> {
-    options.allow_only(&["node"])?;
-    Ok(Selector::Can { interface: target.to_owned(), node: options.node()? })
+    options.allow_only(&["node", "witmotion_id"])?;
+    Ok(Selector::Can { interface: target.to_owned(), device: options.can_device()? })
 }
 
 fn slcan(target: &str, options: &Options<'_>) -> Result<Selector, DeviceError> {
-    options.allow_only(&["bitrate", "baud", "node"])?;
+    options.allow_only(&["bitrate", "baud", "node", "witmotion_id"])?;
     Ok(Selector::Slcan {
         port: target.to_owned(),
         bitrate: options.bitrate()?,
         baud: options.baud(slcan::DEFAULT_BAUD)?,
-        node: options.node()?,
+        device: options.can_device()?,
     })
 }
 
@@ -218,15 +271,15 @@ impl fmt::Display for Selector {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Selector::Serial { port, baud } => write!(f, "serial:{port}?baud={baud}"),
-            Selector::Can { interface, node: None } => {
+            Selector::Can { interface, device } => match device.option() {
+                Some(option) => write!(f, "can:{interface}?{option}"),
                 // Where options follow, if only none, a `?` in the name stays part of it.
-                let end = if interface.contains('?') { "?" } else { "" };
-                write!(f, "can:{interface}{end}")
-            }
-            Selector::Can { interface, node: Some(node) } => write!(f, "can:{interface}?node={node}"),
-            Selector::Slcan { port, bitrate, baud, node } => {
+                None if interface.contains('?') => write!(f, "can:{interface}?"),
+                None => write!(f, "can:{interface}"),
+            },
+            Selector::Slcan { port, bitrate, baud, device } => {
                 write!(f, "slcan:{port}?bitrate={bitrate}&baud={baud}")?;
-                node.map_or(Ok(()), |node| write!(f, "&node={node}"))
+                device.option().map_or(Ok(()), |option| write!(f, "&{option}"))
             }
             Selector::Replay { path, kind, baud } => {
                 // The options are always written, so that a `?` in the file name stays part of it.
@@ -261,15 +314,32 @@ mod tests {
             parse("serial:usb=FT4X7A?baud=115200"),
             Selector::Serial { port: "usb=FT4X7A".into(), baud: 115_200 }
         );
-        assert_eq!(parse("can:can0"), Selector::Can { interface: "can0".into(), node: None });
-        assert_eq!(parse("can:can0?node=2"), Selector::Can { interface: "can0".into(), node: Some(2) });
+        assert_eq!(parse("can:can0"), Selector::Can { interface: "can0".into(), device: CanDevice::First });
+        for (text, device) in [
+            ("node=2", CanDevice::Node(2)),
+            ("witmotion_id=0x50", CanDevice::WitMotion(0x50)),
+            ("witmotion_id=80", CanDevice::WitMotion(80)),
+        ] {
+            let selector = parse(&format!("can:can0?{text}"));
+            assert_eq!(selector, Selector::Can { interface: "can0".into(), device });
+        }
         assert_eq!(
             parse("slcan:/dev/ttyACM0?bitrate=250000&baud=1000000&node=3"),
-            Selector::Slcan { port: "/dev/ttyACM0".into(), bitrate: 250_000, baud: 1_000_000, node: Some(3) }
+            Selector::Slcan {
+                port: "/dev/ttyACM0".into(),
+                bitrate: 250_000,
+                baud: 1_000_000,
+                device: CanDevice::Node(3)
+            }
         );
         assert_eq!(
             parse("slcan:COM4"),
-            Selector::Slcan { port: "COM4".into(), bitrate: 500_000, baud: 115_200, node: None }
+            Selector::Slcan {
+                port: "COM4".into(),
+                bitrate: 500_000,
+                baud: 115_200,
+                device: CanDevice::First
+            }
         );
         assert_eq!(
             parse("replay:../logs/a:b.txt"),
@@ -292,6 +362,9 @@ mod tests {
             ("serial:/dev/ttyUSB0?baud=9600&baud=1200", "given twice"),
             ("serial:/dev/ttyUSB0?9600", "has no value"),
             ("can:can0?node=70", "from 0 to 69"),
+            ("can:can0?witmotion_id=0x800", "expected 0x0 to 0x7ff"),
+            ("can:can0?witmotion_id=50h", "witmotion_id = `50h`"),
+            ("can:can0?node=1&witmotion_id=80", "both `node` and `witmotion_id`"),
             ("replay:a.bin?kind=pcap", "known kinds: text, candump, raw, tlog"),
             ("mock:table", "known mocks"),
             ("mock:chair?rpm=3", "rate_rpm"),
@@ -300,7 +373,7 @@ mod tests {
             ("slcan:/dev/ttyACM0?bitrate=S6", "bitrate = `S6`"),
             ("slcan:/dev/ttyACM0?baud=9", "not a baud rate"),
             ("slcan:/dev/ttyACM0?node=70", "0 to 69"),
-            ("slcan:/dev/ttyACM0?rate=1", "known options here: bitrate, baud, node"),
+            ("slcan:/dev/ttyACM0?rate=1", "known options here: bitrate, baud, node, witmotion_id"),
             ("slcan:", "nothing after the scheme"),
             ("mock:chair?spin_s=NaN", "spin_s"),
             ("mock:chair?noise=maybe", "expected 0 or 1"),
@@ -313,22 +386,27 @@ mod tests {
     #[test]
     fn a_question_mark_in_a_name_stays_part_of_it() {
         let can = parse("can:a?b=c?");
-        assert_eq!(can, Selector::Can { interface: "a?b=c".into(), node: None });
+        assert_eq!(can, Selector::Can { interface: "a?b=c".into(), device: CanDevice::First });
         assert_eq!(parse(&can.to_string()), can);
     }
 
     proptest! {
         #[test]
         fn display_parses_to_the_same_selector(
-            port in "[a-zA-Z0-9/_.?:-]{1,20}", baud in 300u32..12_000_000, node in proptest::option::of(0u8..=69),
+            port in "[a-zA-Z0-9/_.?:-]{1,20}", baud in 300u32..12_000_000,
+            device in prop_oneof![
+                Just(CanDevice::First),
+                (0u8..=69).prop_map(CanDevice::Node),
+                (0u16..=0x7FF).prop_map(CanDevice::WitMotion),
+            ],
             bitrate in proptest::sample::select(&slcan::codec::BITRATES[..]),
             rate_rpm in -80.0..80.0f64, seed: u64, noise: bool,
         ) {
             let mock = MockParams { rate_rpm, seed, noise, ..MockParams::chair() };
             for selector in [
                 Selector::Serial { port: port.clone(), baud },
-                Selector::Can { interface: port.clone(), node },
-                Selector::Slcan { port: port.clone(), bitrate, baud, node },
+                Selector::Can { interface: port.clone(), device },
+                Selector::Slcan { port: port.clone(), bitrate, baud, device },
                 Selector::Replay { path: port.clone().into(), kind: Some(FileKind::Raw), baud },
                 Selector::Replay { path: port.into(), kind: None, baud },
                 Selector::Mock(mock),

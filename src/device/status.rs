@@ -18,6 +18,8 @@ pub struct LinkStatus {
     pub reconnects: u64,
     /// Bytes that are no traffic: malformed lines of a candump log or of a slcan adapter.
     pub bytes_skipped: u64,
+    /// Bytes at the end of a file that are the beginning of a line or of a stamp.
+    pub unfinished_bytes: u64,
     /// Error frames of a CAN bus (of any class), read errors of an interface that is down, error answers of a slcan
     /// adapter.
     pub bus_errors: u64,
@@ -58,6 +60,7 @@ impl LinkStatus {
     pub(super) fn after(self, past: &LinkStatus) -> LinkStatus {
         LinkStatus {
             bytes_skipped: past.bytes_skipped + self.bytes_skipped,
+            unfinished_bytes: past.unfinished_bytes + self.unfinished_bytes,
             bus_errors: past.bus_errors + self.bus_errors,
             bus_off: past.bus_off + self.bus_off,
             bus_faults: past.bus_faults.union(self.bus_faults),

@@ -126,8 +126,8 @@ impl LiveRun {
             let writer = scope.spawn(move || write_journal(&entries, journal));
             let receiver = {
                 let sink = ReceiveSink::new(samples_in, samples_out.clone(), notes.clone());
-                let (signals, ended) = (signals.clone(), source_ended.clone());
-                scope.spawn(move || receive(source, sink, &signals, &ended))
+                let (status, ended) = (&self.status, source_ended.clone());
+                scope.spawn(move || receive(source, sink, signals, status, &ended))
             };
             let control = {
                 let loop_ = ControlLoop {

@@ -8,6 +8,7 @@ use crossbeam_channel::{Receiver, Sender, TrySendError};
 use super::live::Signals;
 use super::queue::{Entry, Notes, OwnedTraffic};
 use super::source::{Polled, Source, SourceSink};
+use super::status::LiveStatus;
 use crate::device::{DeviceError, Traffic};
 use crate::imu::HeadSample;
 use crate::time::HostTime;
@@ -15,7 +16,8 @@ use crate::time::HostTime;
 /// How long the thread waits for traffic before it looks at the stop flag.
 const TIMEOUT: Duration = Duration::from_millis(20);
 
-/// Feeds `sink` from `source` until it ends or the run is stopped; `ended` then tells the control thread.
+/// Feeds `sink` from `source` until it ends or the run is stopped; `ended` then tells the control thread. What is wrong
+/// meanwhile stands in `status`.
 ///
 /// # Errors
 /// The device's announced rate does not fit its line; the run is stopped.
@@ -23,10 +25,13 @@ pub(super) fn receive(
     mut source: Source,
     mut sink: ReceiveSink,
     signals: &Signals,
+    status: &LiveStatus,
     ended: &AtomicBool,
 ) -> Result<Source, DeviceError> {
     while !signals.stop.load(Ordering::Relaxed) {
-        match source.poll(TIMEOUT, &mut sink) {
+        let polled = source.poll(TIMEOUT, &mut sink);
+        status.store_troubles(source.troubles().collect());
+        match polled {
             Ok(Polled::Traffic | Polled::Silence) => {}
             Ok(Polled::Ended) => break,
             Err(error) => {
@@ -105,6 +110,10 @@ mod tests {
     use nalgebra::Vector3;
 
     use super::*;
+    use crate::device::protocol::native_serial::NativeSerialDecoder;
+    use crate::device::replay::RawReplay;
+    use crate::imu::{Calibration, ImuPipeline, ImuSettings, Mount};
+    use crate::runtime::trouble::Trouble;
     use crate::vestibular::HeadMotion;
 
     const STILL: HeadMotion =
@@ -121,5 +130,21 @@ mod tests {
         }
         let left: Vec<u64> = samples_out.try_iter().map(|sample| sample.at.0).collect();
         assert_eq!((left, lost.load(Ordering::Relaxed)), (vec![6, 7, 8, 9], 6));
+    }
+
+    #[test]
+    fn what_is_wrong_with_the_device_stands_in_the_status() {
+        let pipeline =
+            ImuPipeline::new(&ImuSettings::default(), Calibration::default(), Mount::default(), 9.81);
+        let bytes = &b"\x00\x05\x11\x22\x33\x44\x00\x05\x11\x22\x33\x44\x00"[..];
+        let link = Box::new(RawReplay::new("damaged".to_owned(), bytes, 115_200));
+        let source = Source::new(link, Box::new(NativeSerialDecoder::new()), pipeline, None);
+        let (samples_in, samples_out) = bounded(4);
+        let (notes, _entries) = Notes::queue();
+        let (status, ended) = (LiveStatus::default(), AtomicBool::new(false));
+        let sink = ReceiveSink::new(samples_in, samples_out, notes);
+        let source = receive(source, sink, &Signals::default(), &status, &ended).expect("it ends");
+        assert!(source.troubles().eq(status.load().troubles.iter()));
+        assert!(status.load().troubles.contains(Trouble::DamagedPackets), "{:?}", source.facts().decode);
     }
 }

@@ -1,8 +1,9 @@
-//! The latest state of a live run for whoever shows it: stored by the control thread without a lock.
+//! The latest state of a live run for whoever shows it: stored by the threads of the run without a lock.
 
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64, Ordering};
 
+use super::trouble::Troubles;
 use crate::imu::LinkHealth;
 use crate::tick::{Posture, TickInput, TickOutput};
 
@@ -18,6 +19,7 @@ pub struct LiveStatus {
     fallen: AtomicU8,
     sample_age: AtomicU64,
     dropped: AtomicU64,
+    troubles: AtomicU32,
     refusals: OnceLock<Vec<String>>,
 }
 
@@ -42,6 +44,8 @@ pub struct StatusLine {
     pub sample_age_s: f64,
     /// Samples, ticks and pieces of traffic that full queues have lost so far.
     pub dropped: u64,
+    /// What is wrong on the way from the device to its samples.
+    pub troubles: Troubles,
 }
 
 impl LiveStatus {
@@ -61,6 +65,11 @@ impl LiveStatus {
     pub(super) fn store_backlog(&self, sample_age_s: f64, dropped: u64) {
         self.sample_age.store(sample_age_s.to_bits(), Ordering::Relaxed);
         self.dropped.store(dropped, Ordering::Relaxed);
+    }
+
+    /// Stores what is wrong on the way from the device to its samples.
+    pub(super) fn store_troubles(&self, troubles: Troubles) {
+        self.troubles.store(troubles.bits(), Ordering::Relaxed);
     }
 
     /// Stores, once and before the first tick, what the system refused the control thread.
@@ -88,6 +97,7 @@ impl LiveStatus {
             green_fallen: self.fallen.load(Ordering::Relaxed) != 0,
             sample_age_s: value(&self.sample_age),
             dropped: self.dropped.load(Ordering::Relaxed),
+            troubles: Troubles::from_bits(self.troubles.load(Ordering::Relaxed)),
         }
     }
 }

@@ -132,6 +132,38 @@ impl Trouble {
     }
 }
 
+/// A set of troubles, one bit each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Troubles(u32);
+
+impl Troubles {
+    /// The set as a number, for [`Troubles::from_bits`].
+    pub(super) fn bits(self) -> u32 {
+        self.0
+    }
+
+    /// The set with these [`Troubles::bits`].
+    pub(super) fn from_bits(bits: u32) -> Self {
+        Self(bits)
+    }
+
+    /// Whether `trouble` is among them.
+    pub fn contains(self, trouble: Trouble) -> bool {
+        self.0 & (1 << trouble as u32) != 0
+    }
+
+    /// The members, gravest first.
+    pub fn iter(self) -> impl Iterator<Item = Trouble> {
+        TROUBLES.into_iter().filter(move |trouble| self.contains(*trouble))
+    }
+}
+
+impl FromIterator<Trouble> for Troubles {
+    fn from_iter<I: IntoIterator<Item = Trouble>>(troubles: I) -> Self {
+        Self(troubles.into_iter().fold(0, |bits, trouble| bits | 1 << trouble as u32))
+    }
+}
+
 /// Everything that is counted on the way to head samples.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Counts {
@@ -169,15 +201,14 @@ struct Episode {
 pub struct TroubleWatch {
     episodes: [Episode; TROUBLES.len()],
     readings: u64,
-    /// One bit for each trouble that is not looked for.
-    blind: u32,
+    /// Those that are not looked for.
+    blind: Troubles,
 }
 
 impl TroubleWatch {
     /// A watch that does not see some troubles: the negative control of its tests.
     pub fn blind_to(troubles: impl IntoIterator<Item = Trouble>) -> Self {
-        let blind = troubles.into_iter().fold(0, |blind, trouble| blind | 1 << trouble as u32);
-        Self { blind, ..Self::default() }
+        Self { blind: troubles.into_iter().collect(), ..Self::default() }
     }
 
     /// Looks at what has been counted up to `now` and calls `on_change` for what has begun or is over.
@@ -185,7 +216,7 @@ impl TroubleWatch {
         let samples_come = counts.imu.readings > self.readings;
         self.readings = counts.imu.readings;
         for (trouble, episode) in TROUBLES.into_iter().zip(&mut self.episodes) {
-            if self.blind & (1 << trouble as u32) != 0 {
+            if self.blind.contains(trouble) {
                 continue;
             }
             let count = trouble.count(counts);

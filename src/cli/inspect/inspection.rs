@@ -4,7 +4,8 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::bus::BusReport;
+use super::bus::id_line;
+use crate::device::protocol::can_map::BusReport;
 use crate::record::DamageReport;
 use crate::report::LinkCounters;
 use crate::units::DEG_PER_RAD;
@@ -22,6 +23,7 @@ pub(super) struct Inspection {
     pub(super) omega_rad_s: Option<Range>,
     pub(super) specific_force_m_s2: Option<Range>,
     pub(super) clipped: u64,
+    pub(super) unfinished_bytes: u64,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) can: Option<BusReport>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -57,6 +59,10 @@ impl fmt::Display for Inspection {
         writeln!(f, ", clipped {}", self.clipped)?;
         if let Some(ticks) = self.ticks {
             writeln!(f, "  ticks {ticks}")?;
+        }
+        let unexplained = self.can.iter().filter(|_| self.samples == 0);
+        for found in unexplained.flat_map(|can| &can.identifiers) {
+            writeln!(f, "  {}", id_line(found))?;
         }
         let ranges = [
             ("angular velocity, deg/s", self.omega_rad_s, DEG_PER_RAD),

@@ -4,11 +4,12 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 
-use super::bus::{BusReport, BusTally};
+use super::bus;
 use super::inspection::{Inspection, Range};
-use crate::device::Traffic;
-use crate::device::protocol::detect::protocol_names;
+use crate::device::protocol::can_map::{BusCensus, BusReport};
+use crate::device::protocol::detect::{Bus, CAN_MAP, detected_names};
 use crate::device::protocol::{DecodeCounters, DeviceTime, ImuReading, PacketDecoder};
+use crate::device::{LinkStatus, Traffic};
 use crate::imu::Intervals;
 use crate::report::LinkCounters;
 use crate::time::HostTime;
@@ -33,7 +34,7 @@ pub(super) struct Tally {
     last_at: HostTime,
     omega: Extent,
     force: Extent,
-    bus: BusTally,
+    bus: BusCensus,
 }
 
 #[derive(Debug, Default)]
@@ -64,7 +65,7 @@ impl Extent {
 impl Tally {
     /// A tally that looks for a ready mapping of CAN signals on the way.
     pub(super) fn trying_can_maps() -> Self {
-        Self { bus: BusTally::trying_maps(), ..Self::default() }
+        Self { bus: BusCensus::trying_maps(), ..Self::default() }
     }
 
     /// Shows a piece of traffic that arrived at `at` to the decoder and takes its readings.
@@ -122,12 +123,20 @@ impl Tally {
         Some(if self.without_time > 0 { by_arrival } else { self.device_us as f64 * 1e-6 })
     }
 
-    /// What was found.
-    pub(super) fn inspection(&self, file: &Path, kind: &str, decoder: &dyn PacketDecoder) -> Inspection {
-        let counters = decoder.counters();
+    /// What was found; `link` is what the file's reader has counted.
+    pub(super) fn inspection(
+        &self,
+        file: &Path,
+        kind: &str,
+        decoder: &dyn PacketDecoder,
+        link: &LinkStatus,
+    ) -> Inspection {
+        let mut counters = decoder.counters();
+        counters.bytes_skipped += link.bytes_skipped;
+        counters.unfinished_bytes += link.unfinished_bytes;
         let mut can = self.bus.report();
-        if let Some(can) = can.as_mut().filter(|_| decoder.protocol() != "unknown") {
-            can.fitting_maps.clear();
+        if let Some(can) = can.as_mut().filter(|_| self.samples > 0) {
+            (can.fitting_maps, can.partly_known) = (Vec::new(), Vec::new());
         }
         let duration_s = self.duration_s();
         let rate_hz = duration_s.filter(|s| *s > 0.0).map(|s| self.samples.saturating_sub(1) as f64 / s);
@@ -149,6 +158,7 @@ impl Tally {
             omega_rad_s: self.omega.range(),
             specific_force_m_s2: self.force.range(),
             clipped: self.clipped,
+            unfinished_bytes: counters.unfinished_bytes,
             ticks: None,
             damage: None,
             events: Vec::new(),
@@ -166,17 +176,16 @@ impl Tally {
         can: Option<&BusReport>,
     ) -> Vec<String> {
         let mut notes = Vec::new();
-        if self.samples == 0 {
-            notes.push(match decoder.protocol() {
-                "unknown" => format!("no sample was found: this is none of {}", protocol_names()),
-                protocol => format!("no sample of protocol {protocol} was found"),
-            });
-        }
-        if let Some(can) = can.filter(|_| self.samples == 0) {
-            notes.push(can.in_words());
-            if decoder.protocol() == "unknown" {
-                notes.extend(can.advice(&file.display().to_string()));
+        match (decoder.protocol(), can) {
+            _ if self.samples > 0 => {}
+            ("unknown", Some(can)) => notes.push(bus::in_words(can)),
+            ("unknown", None) => {
+                notes.push(format!("no sample was found: this is none of {}", detected_names(Bus::Serial)));
             }
+            (protocol, _) => notes.push(format!("no sample of protocol {protocol} was found")),
+        }
+        if let Some(can) = can.filter(|_| self.samples == 0 && decoder.protocol() != CAN_MAP) {
+            notes.extend(bus::advice(can, &file.display().to_string()));
         }
         if self.samples > 0 && self.without_force == self.samples {
             notes.push("no accelerometer: tilt cannot be measured".to_owned());
@@ -184,10 +193,12 @@ impl Tally {
         if self.without_time > 0 {
             notes.push("no device time: samples are dated by arrival".to_owned());
         }
+        // Of a bus that nobody understands everything is said above.
+        let unknown_packets = if decoder.protocol() == "unknown" { 0 } else { counters.unknown };
         let counted = [
             (self.not_finite, "samples with values that are no numbers"),
             (counters.repeated, "packets came twice or late"),
-            (counters.unknown, "packets of a type this decoder does not know"),
+            (unknown_packets, "packets of a type this decoder does not know"),
             (counters.withheld, "samples came before the device had told their scale"),
             (counters.lone_halves, "halves of a sample came without the other half"),
             (counters.device_errors, "errors reported by the device"),

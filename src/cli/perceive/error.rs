@@ -22,6 +22,12 @@ pub enum PerceiveError {
     /// The preset's parameters cannot be run.
     #[error(transparent)]
     Parameters(#[from] ParameterError),
+    /// It was told to stop.
+    #[error("stopped before the end; {path} was not written\n\nhint: run it again", path = path.display())]
+    Interrupted {
+        /// The output.
+        path: PathBuf,
+    },
     /// The input cannot be opened.
     #[error(
         "cannot open {path}: {source}\n\n\
@@ -181,7 +187,7 @@ impl PerceiveError {
     /// Whether the caller's arguments or input are to blame (exit code 2), not the machine (exit code 1).
     pub fn is_bad_input(&self) -> bool {
         match self {
-            Self::Write { .. } => false,
+            Self::Write { .. } | Self::Interrupted { .. } => false,
             Self::Read { source, .. } => !source.is_io_error(),
             _ => true,
         }

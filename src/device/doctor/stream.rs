@@ -30,7 +30,7 @@ pub(super) fn findings(facts: &PortFacts, heard: &Heard) -> Vec<Finding> {
     match heard.verdict {
         Verdict::Silence => vec![silence(facts, heard, serial.is_some())],
         Verdict::Unknown if serial.is_some() => vec![unknown_bytes(facts, heard)],
-        Verdict::Unknown => vec![unknown_frames(heard)],
+        Verdict::Unknown => vec![unknown_frames(facts, heard)],
         Verdict::Text => vec![text(facts, heard)],
         Verdict::Protocol => {
             let line = serial.into_iter().flat_map(|serial| line_findings(facts, serial, heard));
@@ -65,7 +65,7 @@ fn unknown_bytes(facts: &PortFacts, heard: &Heard) -> Finding {
         look.bytes >= ENOUGH_BYTES && look.smooth_bytes as f64 > SMOOTH_SHARE * look.bytes as f64
     };
     let slower_than = heard.looks.iter().filter(smooth).map(|look| look.baud).min();
-    let selector = facts.selector.split('?').next().unwrap_or_default();
+    let selector = without_options(facts);
     let mend = match slower_than {
         Some(baud) => format!(
             "its bits are long, as of a line slower than {baud} baud: try the speed its manual names: otolith devices \
@@ -84,12 +84,17 @@ fn unknown_bytes(facts: &PortFacts, heard: &Heard) -> Finding {
     )
 }
 
-fn unknown_frames(heard: &Heard) -> Finding {
+fn unknown_frames(facts: &PortFacts, heard: &Heard) -> Finding {
+    let selector = without_options(facts);
+    let mend = match heard.fitting_maps() {
+        [] => "record it with `candump -l`; `otolith inspect LOG` lists its identifiers and says what a mapping needs".to_owned(),
+        maps => format!("otolith run --device {selector} --map {} (it fits this bus)", maps.join(" or ")),
+    };
     Finding::mend(
         "unknown",
         format!("{} frames with {} identifiers, but no protocol", heard.frames, heard.ids),
-        "no sample can be read from them",
-        "name the protocol with `otolith run --protocol`; `candump` shows the frames".to_owned(),
+        "no sample can be read from them without a mapping of their signals",
+        mend,
     )
 }
 
@@ -105,9 +110,14 @@ fn text(facts: &PortFacts, heard: &Heard) -> Finding {
     )
 }
 
+/// The selector of a port without its options.
+fn without_options(facts: &PortFacts) -> &str {
+    facts.selector.split('?').next().unwrap_or_default()
+}
+
 /// The selector of a port with the baud rate found.
 fn with_baud(facts: &PortFacts, heard: &Heard) -> String {
-    let selector = facts.selector.split('?').next().unwrap_or_default();
+    let selector = without_options(facts);
     heard.baud.map_or_else(|| selector.to_owned(), |baud| format!("{selector}?baud={baud}"))
 }
 

@@ -5,6 +5,7 @@ use super::*;
 use crate::device::can::CanDetails;
 use crate::device::can::bus::BusState;
 use crate::device::probe::{Look, MeanSample, Verdict};
+use crate::device::protocol::can_map::BusReport;
 use crate::device::protocol::{DecodeCounters, DeviceInfo};
 use crate::units::RAD_PER_DEG;
 
@@ -234,7 +235,12 @@ fn a_can_interface_is_judged_by_its_state_and_its_silence() {
     assert_told(told(&can(true, true, None, Some(silent(0)))), "silence", &["120 ohm"]);
     assert_told(told(&can(true, true, None, Some(silent(9)))), "silence", &["9 bus errors", "bitrate"]);
     let strangers = Heard { verdict: Verdict::Unknown, frames: 100, ids: 7, ..Heard::default() };
-    assert_told(told(&can(true, true, None, Some(strangers))), "unknown", &["100 frames with 7 identifiers"]);
+    let said = ["100 frames with 7 identifiers", "candump -l"];
+    assert_told(told(&can(true, true, None, Some(strangers.clone()))), "unknown", &said);
+    let fitting = BusReport { fitting_maps: vec!["sbg".to_owned()], ..BusReport::default() };
+    let described = Heard { can: Some(fitting), ..strangers };
+    let command = "otolith run --device can:can0 --map sbg";
+    assert_told(told(&can(true, true, None, Some(described))), "unknown", &[command]);
     let refused = can(true, true, Some(Refusal::Other("no".into())), None);
     assert_told(told(&refused), "open", &["does not open: no"]);
 }

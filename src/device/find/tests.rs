@@ -49,6 +49,18 @@ fn a_device_with_a_serial_number_is_found_at_its_new_node() {
 }
 
 #[test]
+fn a_stranger_at_the_name_of_a_lost_device_is_not_opened() {
+    let (ours, stranger) = (usb("/dev/ttyUSB0", Some("A1")), usb("/dev/ttyUSB0", Some("B2")));
+    let back = usb("/dev/ttyUSB1", Some("A1"));
+    let lists = [vec![ours], vec![stranger.clone()], vec![usb("/dev/ttyUSB0", None)], vec![stranger, back]];
+    let opened = opened("/dev/ttyUSB0", &lists);
+    assert_eq!((opened[0].as_str(), opened[3].as_str()), ("/dev/ttyUSB0", "/dev/ttyUSB1"));
+    for refused in &opened[1..3] {
+        assert!(refused.starts_with("/dev/ttyUSB0: there is no such port"), "{refused}");
+    }
+}
+
+#[test]
 fn a_device_without_a_serial_number_has_to_keep_its_node() {
     let lists = [vec![usb("/dev/ttyUSB0", None)], vec![usb("/dev/ttyUSB1", None)], vec![]];
     assert_eq!(opened("/dev/ttyUSB0", &lists), ["/dev/ttyUSB0"; 3]);

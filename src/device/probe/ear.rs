@@ -1,6 +1,5 @@
 //! What is understood of the traffic at one speed.
 
-use std::collections::BTreeSet;
 use std::time::Duration;
 
 use nalgebra::Vector3;
@@ -8,6 +7,7 @@ use nalgebra::Vector3;
 use super::heard::{Heard, MeanSample, Verdict};
 use super::lines::NumberLines;
 use crate::device::Traffic;
+use crate::device::protocol::can_map::BusCensus;
 use crate::device::protocol::detect::{AutoDecoder, Bus};
 use crate::device::protocol::{ImuReading, PacketDecoder};
 use crate::time::HostTime;
@@ -18,8 +18,6 @@ const NONSENSE_BYTES: u64 = 2048;
 /// Samples, and time from the first to the last, that are enough for a rate and a mean.
 const ENOUGH_SAMPLES: u64 = 10;
 const ENOUGH_TIME: Duration = Duration::from_millis(500);
-/// Most identifiers told apart on a CAN bus.
-const MAX_IDS: usize = 4096;
 
 /// Listens at one speed: shows everything to every decoder, and to a reader of text lines.
 pub(super) struct Ear {
@@ -29,8 +27,7 @@ pub(super) struct Ear {
     pub(super) bytes: u64,
     /// Arrival of the first piece, bytes in it, arrival of the last.
     pieces: Option<(HostTime, u64, HostTime)>,
-    frames: u64,
-    ids: BTreeSet<(bool, u32)>,
+    bus: BusCensus,
     /// Bytes whose bits change at most once.
     pub(super) smooth_bytes: u64,
 }
@@ -96,8 +93,10 @@ impl Ear {
             samples: SampleTally::default(),
             bytes: 0,
             pieces: None,
-            frames: 0,
-            ids: BTreeSet::new(),
+            bus: match bus {
+                Bus::Can => BusCensus::trying_maps(),
+                Bus::Serial => BusCensus::default(),
+            },
             smooth_bytes: 0,
         }
     }
@@ -114,12 +113,7 @@ impl Ear {
                 self.smooth_bytes += bytes.iter().filter(|byte| is_smooth(**byte)).count() as u64;
                 self.lines.push(at, bytes);
             }
-            Traffic::CanFrame { id, extended, .. } => {
-                self.frames += 1;
-                if self.ids.len() < MAX_IDS {
-                    self.ids.insert((extended, id));
-                }
-            }
+            Traffic::CanFrame { .. } => self.bus.take(at, traffic),
         }
     }
 
@@ -170,7 +164,7 @@ impl Ear {
         let verdict = match (self.protocol(), self.lines.columns()) {
             (Some(_), _) => Verdict::Protocol,
             (None, Some(_)) => Verdict::Text,
-            (None, None) if self.bytes == 0 && self.frames == 0 => Verdict::Silence,
+            (None, None) if self.bytes == 0 && self.bus.frames() == 0 => Verdict::Silence,
             (None, None) => Verdict::Unknown,
         };
         let mut heard = Heard {
@@ -180,8 +174,8 @@ impl Ear {
             listened_s: listened.as_secs_f64(),
             bytes: self.bytes,
             bytes_per_s: self.bytes_per_s(),
-            frames: self.frames,
-            ids: self.ids.len(),
+            frames: self.bus.frames(),
+            ids: self.bus.identifiers(),
             counters: self.decoder.counters(),
             ..Heard::default()
         };
@@ -198,7 +192,8 @@ impl Ear {
                 heard.text_columns = self.lines.columns();
                 heard.rate_hz = self.lines.rate_hz();
             }
-            Verdict::Unknown | Verdict::Silence => {}
+            Verdict::Unknown => heard.can = self.bus.report(),
+            Verdict::Silence => {}
         }
         heard
     }

@@ -5,6 +5,7 @@ use std::time::Duration;
 use serde::Serialize;
 
 use super::ear::Ear;
+use crate::device::protocol::can_map::BusReport;
 use crate::device::protocol::{DecodeCounters, DeviceInfo};
 
 /// What kind of answer listening gave.
@@ -93,6 +94,9 @@ pub struct Heard {
     pub frames: u64,
     /// Different identifiers among them.
     pub ids: usize,
+    /// Who is on the CAN bus, when no protocol was understood.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub can: Option<BusReport>,
     /// Error frames of the CAN bus.
     pub bus_errors: u64,
     /// Counters of the decoder.
@@ -105,6 +109,11 @@ pub struct Heard {
 }
 
 impl Heard {
+    /// Names of the ready mappings that fit a CAN bus of which no protocol was understood.
+    pub fn fitting_maps(&self) -> &[String] {
+        self.can.as_ref().map_or(&[], |bus| &bus.fitting_maps)
+    }
+
     /// Nothing was understood at any of these speeds.
     pub(super) fn unknown(looks: Vec<Look>, listened: Duration) -> Self {
         let bytes = looks.iter().map(|look| look.bytes).sum();

@@ -143,6 +143,27 @@ fn noise_stays_unknown_with_the_bytes_of_every_look() {
     assert_eq!(heard.bytes, heard.looks.iter().map(|look| look.bytes).sum::<u64>());
 }
 
+/// The frames of an SBG sensor without its time, 100 times a second.
+struct Sbg(Arc<ManualClock>, u64);
+
+impl Link for Sbg {
+    fn receive(&mut self, timeout: Duration) -> Result<Option<(HostTime, Traffic<'_>)>, LinkError> {
+        self.1 += 1;
+        self.0.sleep_until(self.0.now() + timeout.min(Duration::from_millis(5)));
+        let id = [0x121, 0x122][self.1 as usize % 2];
+        Ok(Some((self.0.now(), Traffic::CanFrame { id, extended: false, data: &[0; 6] })))
+    }
+}
+
+#[test]
+fn a_bus_that_only_a_mapping_understands_is_described_with_the_one_that_fits() {
+    let clock = Arc::new(ManualClock::default());
+    let heard = listen(&mut Sbg(Arc::clone(&clock), 0), clock.as_ref(), Bus::Can, LENGTH).expect("stays");
+    assert_eq!((heard.verdict, heard.protocol, heard.ids), (Verdict::Unknown, None, 2));
+    assert_eq!(heard.fitting_maps(), ["sbg-no-time"]);
+    assert_eq!((heard.counters.unknown, heard.counters.bytes_skipped), (heard.frames, 0));
+}
+
 #[test]
 fn a_link_that_ends_or_goes_away_ends_the_listening() {
     let clock = ManualClock::default();

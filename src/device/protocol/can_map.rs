@@ -21,6 +21,7 @@
 //! `lone_halves` frames without the others of their sample.
 //! Identifiers that are not mapped belong to others on the bus and are not counted.
 
+mod census;
 mod dbc;
 mod error;
 mod mapping;
@@ -31,6 +32,7 @@ mod signal;
 
 use nalgebra::Vector3;
 
+pub use census::{BusCensus, BusReport, IdReport, PartlyKnown};
 pub use dbc::{Dbc, DbcMessage, DbcSignal, Multiplexing};
 pub use error::CanMapError;
 pub use mapping::CanMapping;

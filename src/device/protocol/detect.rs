@@ -12,7 +12,7 @@ use super::witmotion::can::WitMotionCanDecoder;
 use super::witmotion::serial::WitMotionDecoder;
 use super::xbus::XbusDecoder;
 use super::{DecodeCounters, DeviceInfo, ImuReading, PacketDecoder, SyncEstimate};
-use crate::device::{DeviceError, Selector, Traffic};
+use crate::device::{CanDevice, DeviceError, Selector, Traffic};
 
 /// Our protocol on a serial line.
 pub const OTOLITH_SERIAL: &str = "otolith-serial";
@@ -141,6 +141,13 @@ pub fn protocol_names() -> String {
     PROTOCOLS.iter().map(|protocol| protocol.name).collect::<Vec<_>>().join(", ")
 }
 
+/// The names of the protocols that are looked for on a bus, for people.
+pub fn detected_names(bus: Bus) -> String {
+    let looked_for =
+        PROTOCOLS.iter().filter(|protocol| protocol.bus == bus && protocol.certain_after.is_some());
+    looked_for.map(|protocol| protocol.name).collect::<Vec<_>>().join(", ")
+}
+
 /// The decoder of the protocol called `name`.
 ///
 /// # Errors
@@ -155,24 +162,68 @@ pub fn decoder_by_name(name: &str) -> Result<Box<dyn PacketDecoder>, DeviceError
     }
 }
 
-/// The decoder for a device whose protocol was not named.
-pub fn decoder_for(selector: &Selector) -> Box<dyn PacketDecoder> {
-    match selector {
-        Selector::Can { node: Some(node), .. } | Selector::Slcan { node: Some(node), .. } => {
-            Box::new(NativeCanDecoder::new(Some(*node)))
+/// The decoder for the device that `selector` names, of the protocol called `name` if one is named.
+///
+/// # Errors
+/// As [`decoder_by_name`], and [`DeviceError::Selector`] for a protocol of another bus or of another device than the
+/// selector's.
+pub fn decoder_for(selector: &Selector, name: Option<&str>) -> Result<Box<dyn PacketDecoder>, DeviceError> {
+    if let Some(name) = name {
+        check_fits(selector, name)?;
+    }
+    Ok(match (selector.can_device(), name) {
+        (CanDevice::Node(node), _) => Box::new(NativeCanDecoder::new(Some(node))),
+        (CanDevice::WitMotion(id), _) => Box::new(WitMotionCanDecoder::new(Some(id))),
+        (CanDevice::First, Some(name)) => decoder_by_name(name)?,
+        (CanDevice::First, None) => match selector {
+            Selector::Can { .. } | Selector::Slcan { .. } => Box::new(AutoDecoder::on(&[Bus::Can])),
+            Selector::Mock(_) => Box::new(NativeSerialDecoder::new()),
+            Selector::Serial { .. } => Box::new(AutoDecoder::on(&[Bus::Serial])),
+            Selector::Replay { .. } => Box::new(AutoDecoder::on(&[Bus::Serial, Bus::Can])),
+        },
+    })
+}
+
+/// Whether the device that `selector` names can speak the protocol called `name`. An unknown name fits: it is refused
+/// where its decoder is made.
+///
+/// # Errors
+/// [`DeviceError::Selector`].
+pub fn check_fits(selector: &Selector, name: &str) -> Result<(), DeviceError> {
+    let wrong = |problem: String, hint: &str| {
+        Err(DeviceError::Selector { selector: selector.to_string(), problem, hint: hint.to_owned() })
+    };
+    let of_device = match selector.can_device() {
+        CanDevice::First => None,
+        CanDevice::Node(_) => Some(OTOLITH_CAN),
+        CanDevice::WitMotion(_) => Some(WITMOTION_CAN),
+    };
+    if let Some(own) = of_device.filter(|own| *own != name) {
+        let hint = "leave the protocol out, or the option that names the device";
+        return wrong(format!("it names a device that speaks {own}, and the protocol is to be {name}"), hint);
+    }
+    let bus = match selector {
+        Selector::Serial { .. } => Bus::Serial,
+        Selector::Can { .. } | Selector::Slcan { .. } => Bus::Can,
+        Selector::Mock(_) | Selector::Replay { .. } => return Ok(()),
+    };
+    match PROTOCOLS.iter().find(|protocol| protocol.name == name) {
+        Some(protocol) if protocol.bus != bus => {
+            let (is, needs) = match bus {
+                Bus::Serial => ("a serial line", "a CAN bus"),
+                Bus::Can => ("a CAN bus", "a serial line"),
+            };
+            let hint = "leave the protocol out: `otolith devices` says what is spoken where";
+            wrong(format!("this is {is}, and the protocol {name} is one of {needs}"), hint)
         }
-        Selector::Can { node: None, .. } | Selector::Slcan { node: None, .. } => {
-            Box::new(AutoDecoder::on(&[Bus::Can]))
-        }
-        Selector::Mock(_) => Box::new(NativeSerialDecoder::new()),
-        Selector::Serial { .. } => Box::new(AutoDecoder::on(&[Bus::Serial])),
-        Selector::Replay { .. } => Box::new(AutoDecoder::on(&[Bus::Serial, Bus::Can])),
+        _ => Ok(()),
     }
 }
 
 /// A protocol that may be the one, with its decoder.
 struct Candidate {
     decoder: Box<dyn PacketDecoder>,
+    bus: Bus,
     certain_after: u64,
 }
 
@@ -192,6 +243,8 @@ impl Candidate {
 pub struct AutoDecoder {
     candidates: Vec<Candidate>,
     bytes: u64,
+    /// Frames of a CAN bus.
+    frames: u64,
     /// The one candidate left is certain: not being told from others is no proof.
     found: bool,
 }
@@ -209,10 +262,11 @@ impl AutoDecoder {
         let possible = PROTOCOLS.iter().filter(|protocol| buses.contains(&protocol.bus));
         let candidates = possible
             .filter_map(|protocol| {
-                Some(Candidate { decoder: protocol.make?(), certain_after: protocol.certain_after? })
+                let (decoder, certain_after) = (protocol.make?(), protocol.certain_after?);
+                Some(Candidate { decoder, bus: protocol.bus, certain_after })
             })
             .collect();
-        Self { candidates, bytes: 0, found: false }
+        Self { candidates, bytes: 0, frames: 0, found: false }
     }
 
     /// The decoder that understands most; of several that understand nothing, the one that has skipped most, so
@@ -241,9 +295,10 @@ impl AutoDecoder {
         (alone && self.bytes > 0 && skipped <= NOISE_SHARE * self.bytes as f64).then_some(only)
     }
 
-    /// Calls `act` on every candidate, with readings from the leader alone.
+    /// Calls `act` on every candidate of `buses`, with readings from the leader alone.
     fn with_each(
         &mut self,
+        buses: &[Bus],
         on_reading: &mut dyn FnMut(ImuReading),
         act: impl Fn(&mut dyn PacketDecoder, &mut dyn FnMut(ImuReading)),
     ) {
@@ -251,6 +306,9 @@ impl AutoDecoder {
             return act(found.decoder.as_mut(), on_reading);
         }
         for index in 0..self.candidates.len() {
+            if !buses.contains(&self.candidates[index].bus) {
+                continue;
+            }
             let others = self.candidates.iter().enumerate().filter(|(other, _)| *other != index);
             let most_of_others =
                 others.map(|(_, candidate)| candidate.decoder.counters().packets).max().unwrap_or(0);
@@ -274,10 +332,15 @@ impl PacketDecoder for AutoDecoder {
     }
 
     fn push(&mut self, traffic: Traffic<'_>, on_reading: &mut dyn FnMut(ImuReading)) {
-        self.with_each(on_reading, |decoder, on_reading| decoder.push(traffic, on_reading));
+        let bus = match traffic {
+            Traffic::Bytes(_) => Bus::Serial,
+            Traffic::CanFrame { .. } => Bus::Can,
+        };
+        self.with_each(&[bus], on_reading, |decoder, on_reading| decoder.push(traffic, on_reading));
         if !self.found {
-            if let Traffic::Bytes(bytes) = traffic {
-                self.bytes += bytes.len() as u64;
+            match traffic {
+                Traffic::Bytes(bytes) => self.bytes += bytes.len() as u64,
+                Traffic::CanFrame { .. } => self.frames += 1,
             }
             if let Some(found) = self.candidates.iter().position(|candidate| candidate.is_certain(self.bytes))
             {
@@ -287,7 +350,15 @@ impl PacketDecoder for AutoDecoder {
     }
 
     fn counters(&self) -> DecodeCounters {
-        self.leader().map(PacketDecoder::counters).unwrap_or_default()
+        let counters = self.leader().map(PacketDecoder::counters).unwrap_or_default();
+        if self.found {
+            return counters;
+        }
+        // Before anybody is followed, every frame of a bus is somebody else's.
+        DecodeCounters {
+            unknown: counters.unknown.max(self.frames.saturating_sub(counters.packets)),
+            ..counters
+        }
     }
 
     fn announced_rate_hz(&self) -> Option<f64> {
@@ -318,7 +389,8 @@ impl PacketDecoder for AutoDecoder {
     }
 
     fn finish(&mut self, on_reading: &mut dyn FnMut(ImuReading)) {
-        self.with_each(on_reading, |decoder, on_reading| decoder.finish(on_reading));
+        let buses = [Bus::Serial, Bus::Can];
+        self.with_each(&buses, on_reading, |decoder, on_reading| decoder.finish(on_reading));
         if !self.found
             && let Some(only) = self.only_explanation()
         {
@@ -379,6 +451,51 @@ mod tests {
             decoder.finish(&mut |_| {});
             assert_eq!((decoder.protocol(), decoder.counters().packets), (name, 1));
         }
+    }
+
+    fn refusal(selector: &str, name: &str) -> String {
+        decoder_for(&selector.parse().expect("a selector"), Some(name)).err().expect("refused").to_string()
+    }
+
+    #[test]
+    fn a_device_named_by_the_selector_is_followed_and_no_other() {
+        let selector: Selector = "can:can0?witmotion_id=0x51".parse().expect("a selector");
+        for name in [None, Some(WITMOTION_CAN)] {
+            let mut decoder = decoder_for(&selector, name).expect("fits");
+            let mut samples = 0;
+            for id in [0x50, 0x51] {
+                for kind in [0x51, 0x52] {
+                    let data = &[0x55, kind, 0, 0, 0, 0, 0, 8];
+                    decoder.push(Traffic::CanFrame { id, extended: false, data }, &mut |_| samples += 1);
+                }
+            }
+            assert_eq!((decoder.protocol(), samples, decoder.counters().packets), (WITMOTION_CAN, 1, 2));
+        }
+        let text = refusal("can:can0?witmotion_id=80", OTOLITH_CAN);
+        assert!(text.contains("speaks witmotion-can, and the protocol is to be otolith-can"), "{text}");
+        let text = refusal("slcan:/dev/ttyACM0?node=3", CAN_MAP);
+        assert!(text.contains("speaks otolith-can, and the protocol is to be can-map"), "{text}");
+    }
+
+    #[test]
+    fn a_protocol_of_another_bus_is_refused() {
+        let text = refusal("serial:/dev/ttyUSB0", OTOLITH_CAN);
+        assert!(text.contains("this is a serial line, and the protocol otolith-can is one of a CAN bus"));
+        assert!(refusal("can:can0", XBUS).contains("this is a CAN bus, and the protocol xbus is"));
+        assert!(refusal("can:can0", "morse").contains("protocol `morse` is not known"));
+        let replay: Selector = "replay:a.bin".parse().expect("a selector");
+        assert!(decoder_for(&replay, Some(XBUS)).is_ok() && decoder_for(&replay, Some(OTOLITH_CAN)).is_ok());
+    }
+
+    #[test]
+    fn frames_that_nobody_follows_are_unknown_packets_and_no_junk() {
+        let mut decoder = AutoDecoder::on(&[Bus::Serial, Bus::Can]);
+        for id in 0..100 {
+            decoder
+                .push(Traffic::CanFrame { id, extended: false, data: &[7; 8] }, &mut |_| panic!("no sample"));
+        }
+        let expected = DecodeCounters { unknown: 100, ..DecodeCounters::default() };
+        assert_eq!((decoder.protocol(), decoder.counters()), ("unknown", expected));
     }
 
     #[test]

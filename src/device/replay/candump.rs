@@ -3,7 +3,7 @@
 use std::io::BufRead;
 use std::time::Duration;
 
-use super::{RelativeStamps, read_line};
+use super::{RelativeStamps, is_cut, read_line};
 use crate::device::{Link, LinkError, LinkStatus, Traffic};
 use crate::time::HostTime;
 
@@ -83,8 +83,8 @@ fn stamp_ns(stamp: &str) -> Option<u64> {
         .checked_add(decimals.parse::<u64>().ok()? * scale)
 }
 
-/// Plays a candump log. Lines that are no frame are skipped and their bytes counted; error frames are
-/// counted by what they say.
+/// Plays a candump log. Lines that are no frame are skipped and their bytes counted, a last one that was cut for itself;
+/// error frames are counted by what they say.
 #[derive(Debug)]
 pub struct CandumpReplay<R> {
     name: String,
@@ -109,6 +109,7 @@ impl<R: BufRead + Send> Link for CandumpReplay<R> {
     fn receive(&mut self, _timeout: Duration) -> Result<Option<(HostTime, Traffic<'_>)>, LinkError> {
         while read_line(&self.name, &mut self.reader, &mut self.line)? {
             match parse_candump_line(&self.line) {
+                None if is_cut(&self.line) => self.status.unfinished_bytes += self.line.len() as u64,
                 None => self.status.bytes_skipped += self.line.len() as u64,
                 Some(frame) if frame.error => self.status.note_error_frame(frame.id, frame.data()),
                 Some(frame) => {

@@ -161,6 +161,11 @@ fn read_line(name: &str, reader: &mut impl BufRead, line: &mut Vec<u8>) -> Resul
     }
 }
 
+/// Whether the file ended before this line of it did.
+fn is_cut(line: &[u8]) -> bool {
+    !line.ends_with(b"\n") && (line.len() as u64) < MAX_LINE_BYTES
+}
+
 /// Largest step back that is taken for disorder among neighbours, ns; a larger one is a new start of the clock.
 const DISORDER_NS: u64 = 1_000_000_000;
 

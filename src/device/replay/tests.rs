@@ -7,6 +7,8 @@ use super::*;
 use crate::device::Traffic;
 use crate::device::can::bus::BusState;
 use crate::device::mock::{MockChair, MockParams};
+use crate::device::protocol::PacketDecoder;
+use crate::device::protocol::mavlink::MavlinkDecoder;
 use crate::device::testing::{drain, from_hex};
 
 fn file(suffix: &str, content: &[u8]) -> tempfile::NamedTempFile {
@@ -166,6 +168,33 @@ fn a_telemetry_log_is_played_frame_by_frame_with_its_own_times() {
     }
 }
 
+/// Wherever a log was cut, its tail is the beginning of a frame and no junk.
+#[test]
+fn the_tail_of_a_cut_telemetry_log_is_unfinished() {
+    let (log, first) = (logged(&tlog()[..3]), logged(&tlog()[..2]).len());
+    for end in first..log.len() {
+        let mut link = TlogReplay::new("log".to_owned(), &log[..end]);
+        let mut decoder = MavlinkDecoder::new();
+        for (_, piece) in drain(&mut link) {
+            decoder.push(Traffic::Bytes(&piece), &mut |_| {});
+        }
+        decoder.finish(&mut |_| {});
+        let counters = decoder.counters();
+        assert_eq!((counters.packets, counters.bytes_skipped, counters.bad_checksum), (2, 0, 0), "{end}");
+        let tail = (end - first) as u64;
+        let in_frame = tail.saturating_sub(8);
+        assert_eq!(counters.unfinished_bytes, in_frame, "{end}");
+        assert_eq!(link.status().unfinished_bytes, if in_frame == 0 { tail } else { 0 }, "{end}");
+    }
+}
+
+#[test]
+fn the_tail_of_a_cut_candump_log_is_unfinished() {
+    let mut link = CandumpReplay::new("log".to_owned(), &b"(1.0) can0 3A0#00\njunk\n(1.1) can0 3A0#0"[..]);
+    assert_eq!(drain(&mut link).len(), 1);
+    assert_eq!((link.status().bytes_skipped, link.status().unfinished_bytes), (5, 16));
+}
+
 #[test]
 fn damage_in_a_telemetry_log_costs_the_damaged_frame_alone() {
     let frames = tlog();
@@ -251,7 +280,8 @@ proptest! {
         let mut link = TlogReplay::new("log".to_owned(), &bytes[..]);
         let pieces = drain(&mut link);
         let given: usize = pieces.iter().map(|(_, piece)| piece.len()).sum();
-        prop_assert!(given <= bytes.len() && bytes.len() <= given + 8 * pieces.len());
+        let told = given + link.status().unfinished_bytes as usize;
+        prop_assert!(told <= bytes.len() && bytes.len() <= told + 8 * pieces.len());
         prop_assert!(pieces.is_sorted_by_key(|(at, _)| *at));
     }
 

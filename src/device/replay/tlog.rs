@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::RelativeStamps;
 use crate::device::protocol::mavlink::frame::{self, Judgement, Trust};
-use crate::device::{Link, LinkError, Traffic};
+use crate::device::{Link, LinkError, LinkStatus, Traffic};
 use crate::time::HostTime;
 
 const STAMP: usize = 8;
@@ -62,6 +62,7 @@ pub struct TlogReplay<R> {
     at_end: bool,
     stamps: RelativeStamps,
     last_stamp_us: Option<u64>,
+    status: LinkStatus,
 }
 
 impl<R: Read + Send> TlogReplay<R> {
@@ -77,6 +78,7 @@ impl<R: Read + Send> TlogReplay<R> {
             at_end: false,
             stamps,
             last_stamp_us: None,
+            status: LinkStatus::default(),
         }
     }
 
@@ -122,7 +124,10 @@ impl<R: Read + Send> Link for TlogReplay<R> {
     fn receive(&mut self, _timeout: Duration) -> Result<Option<(HostTime, Traffic<'_>)>, LinkError> {
         self.fill()?;
         let held = &self.buffer[self.start..self.end];
-        if held.is_empty() {
+        if held.len() <= STAMP {
+            // The log ends with a frame, or within a stamp.
+            self.status.unfinished_bytes += held.len() as u64;
+            self.start = self.end;
             return Err(LinkError::EndOfRecording);
         }
         if let Some(length) = stamped_frame(held, self.at_end) {
@@ -138,5 +143,9 @@ impl<R: Read + Send> Link for TlogReplay<R> {
         let hidden = if stamped { STAMP } else { 0 };
         let at = self.stamps.at(None);
         Ok(Some((at, Traffic::Bytes(self.piece(hidden, length)))))
+    }
+
+    fn status(&self) -> LinkStatus {
+        self.status
     }
 }

@@ -63,7 +63,12 @@ fn a_bus_without_a_mapping_is_described_with_what_would_fit() {
     assert_eq!((&json["protocol"], number(&json, "/samples")), (&"unknown".into(), 0.0));
     assert_eq!(json["can"]["fitting_maps"], serde_json::json!(["toyota-yaw"]));
     let text = place.run(&["inspect", &log]).done().stdout;
-    assert!(text.contains("48 identifiers in 8762 frames, most often "), "{text}");
+    assert!(
+        text.contains("8762 frames of 48 identifiers, none of the CAN protocols otolith-can, "),
+        "{text}"
+    );
+    assert!(text.contains("id 024       766 frames, 83.1 Hz, 8 bytes\n"), "{text}");
+    assert_eq!(number(&json, "/link/bytes_skipped"), 0.0, "a frame of another device is not junk");
     let command = format!("otolith inspect {log} --map toyota-yaw");
     assert!(text.contains(&command), "{text}");
     // The command as it stands there.
@@ -170,7 +175,7 @@ fn what_cannot_be_used_is_refused_with_a_hint() {
         run.refused(2, parts);
     }
     let text = place.run(&["inspect", "can.log", "--map", "sbg-no-time"]).done().stdout;
-    for part in ["SBG_ECAN_MSG_IMU_GYRO (0x122)", "a CAN bus: 1 identifiers in 1 frames, most often 024"] {
+    for part in ["SBG_ECAN_MSG_IMU_GYRO (0x122)", "id 024       1 frames, 8 bytes"] {
         assert!(text.contains(part), "{part} is missing in: {text}");
     }
     place.run(&["inspect", "log.txt", "--map", "sbg"]).refused(2, &["log.txt: ", "--log-map"]);

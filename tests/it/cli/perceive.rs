@@ -75,3 +75,47 @@ fn a_bad_table_is_refused_with_line_and_column() {
     place.run(&["perceive", "in.csv", "--out", "none/out.csv"]).refused(1, &["cannot write none/out.csv"]);
     assert_eq!(place.names(), ["in.csv"], "no refused call leaves a file");
 }
+
+/// The rows come through a pipe, so that the program is in the middle of them for as long as this test wants.
+#[cfg(unix)]
+#[test]
+fn ctrl_c_leaves_no_file_behind() {
+    use std::io::Write;
+    use std::process::{Command, Stdio};
+    use std::time::Duration;
+
+    use otolith::time::{Clock, SystemClock};
+
+    /// Ends a hang; never decides the test.
+    const PATIENCE: u32 = 400;
+
+    let place = Place::new();
+    assert!(Command::new("mkfifo").arg(place.path("in.csv")).status().expect("mkfifo exists").success());
+    let mut command = place.command(&["perceive", "in.csv", "--out", "out.csv"]);
+    let child =
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
+    let mut input = std::fs::OpenOptions::new().write(true).open(place.path("in.csv")).expect("is read");
+    let csv = head_motion_csv(&named("e_roll30"), 100);
+    let rows: Vec<&str> = csv.split_inclusive('\n').collect();
+    input.write_all(rows[..5].concat().as_bytes()).expect("taken");
+    let clock = SystemClock::start_now();
+    let begun = (0..PATIENCE).any(|_| {
+        clock.sleep_until(clock.now() + Duration::from_millis(10));
+        place.names().iter().any(|name| name.ends_with(".partial"))
+    });
+    assert!(begun, "{:?}", place.names());
+    let pid = child.id().to_string();
+    assert!(Command::new("kill").args(["-INT", &pid]).status().expect("kill exists").success());
+    // The program sees it at the next row; the signal is taken in by a thread, which may need a moment.
+    for row in rows[5..].iter().cycle() {
+        if input.write_all(row.as_bytes()).is_err() {
+            break;
+        }
+        clock.sleep_until(clock.now() + Duration::from_millis(1));
+    }
+    let output = child.wait_with_output().expect("ends");
+    let stderr = String::from_utf8(output.stderr).expect("UTF-8");
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert!(stderr.contains("stopped before the end; out.csv was not written\n\nhint: "), "{stderr}");
+    assert_eq!(place.names(), ["in.csv"]);
+}

@@ -38,16 +38,32 @@ fn the_version_is_that_of_the_package() {
     assert_eq!(version, format!("otolith {}\n", env!("CARGO_PKG_VERSION")));
 }
 
+/// What `clap` finds has the layout of every other error.
 #[test]
-fn unknown_arguments_are_usage_errors() {
+fn wrong_arguments_are_usage_errors_with_a_hint() {
     let place = Place::new();
-    for args in
-        [&["demo", "--bogus"][..], &["bogus"], &[], &["inspect"], &["demo", "--seed", "99999999999999999999"]]
-    {
-        let run = place.run(args);
-        assert_eq!((run.code, run.stdout.as_str()), (2, ""), "{args:?}");
-        assert!(run.stderr.contains("--help") && !run.stderr.contains("panicked"), "{}", run.stderr);
+    for (args, parts) in [
+        (
+            &["demo", "--bogus"][..],
+            &["unexpected argument '--bogus' found\n\n", "; `otolith demo --help` says"][..],
+        ),
+        (&["demo", "--sed", "1"], &["hint: a similar argument exists: '--seed'; `otolith demo --help`"]),
+        (&["bogus"], &["unrecognized subcommand 'bogus'", "usage: otolith", "; `otolith --help` says"]),
+        (&["inspect"], &["arguments were not provided: <FILE>\n\n", "usage: otolith inspect"]),
+        (&["--json", "perceive", "a"], &["--out <OUT.csv>", "`otolith perceive --help`"]),
+        (&["run", "--pace", "slow"], &["'slow' for '--pace <PACE>' [possible values: real, max]"]),
+        (&["devices", "--list", "can:can0"], &["'--list' cannot be used with"]),
+        (&["demo", "--seed", "99999999999999999999"], &["'99999999999999999999' for '--seed <N>'"]),
+    ] {
+        place.run(args).refused(2, parts);
     }
+}
+
+#[test]
+fn no_command_is_answered_with_the_help() {
+    let run = Place::new().run(&[]);
+    assert_eq!((run.code, run.stdout.as_str()), (2, ""));
+    assert!(run.stderr.contains("Commands:") && run.stderr.contains("Examples:"), "{}", run.stderr);
 }
 
 #[test]
