@@ -36,7 +36,8 @@ pub fn mount_toml(mount: &MountEstimate, source: &str) -> String {
 
 /// A calibration file as [`crate::imu::Calibration::from_toml`] reads it; `None` when there is not even a bias.
 ///
-/// The matrices are one factor each: of the rate where a turn was counted, of the specific force where it was measured.
+/// The matrix of the rate is one factor, where a turn was counted; that of the specific force one factor, or one for each
+/// axis where there were poses.
 pub fn calibration_toml(findings: &Findings, source: &str) -> Option<String> {
     let bias = findings.gyro_bias_rad_s?;
     let mut out = heading(source);
@@ -48,23 +49,34 @@ pub fn calibration_toml(findings: &Findings, source: &str) -> Option<String> {
                 "# {:.1} deg counted, {:.1} deg measured: factor {:.5}, standard uncertainty {:.5}.",
                 found.counted_deg, found.measured_deg.value, found.scale.value, found.scale.sigma
             );
-            out.push_str(&matrix_line(found.scale.value));
+            out.push_str(&matrix_line([found.scale.value; 3]));
         }
         None => out.push_str("# No turn was counted: the factor on the rate is left at 1.\n"),
     }
-    let Some(gravity) = findings.gravity else { return Some(out) };
-    out.push_str("\n[specific_force]\n");
-    let offset = findings.lever_arm.filter(|arm| arm.offset_written).map(|arm| arm.offset_imu_m_s2);
-    if let Some(offset) = offset {
-        out.push_str("# Across the axis of the spin only.\n");
-        let _ = writeln!(out, "{}\nbias_m_s2 = {:?}", sigma_line(&offset, "m/s2"), offset.value);
+    if let Some(found) = &findings.accelerometer {
+        let _ = writeln!(
+            out,
+            "\n[specific_force]\n# From {} poses.\n{}\nbias_m_s2 = {:?}\n{}",
+            found.poses,
+            sigma_line(&found.bias_m_s2, "m/s2"),
+            found.bias_m_s2.value,
+            sigma_line(&found.scale, "")
+        );
+        out.push_str(&matrix_line(found.scale.value));
+    } else if let Some(gravity) = findings.gravity {
+        out.push_str("\n[specific_force]\n");
+        let offset = findings.lever_arm.filter(|arm| arm.offset_written).map(|arm| arm.offset_imu_m_s2);
+        if let Some(offset) = offset {
+            out.push_str("# Across the axis of the spin only.\n");
+            let _ = writeln!(out, "{}\nbias_m_s2 = {:?}", sigma_line(&offset, "m/s2"), offset.value);
+        }
+        let _ = writeln!(
+            out,
+            "# At rest it reads {:.4} m/s2, standard uncertainty {:.4}. One pose cannot tell scale from offset along gravity.",
+            gravity.norm_m_s2.value, gravity.norm_m_s2.sigma
+        );
+        out.push_str(&matrix_line([gravity.scale.value; 3]));
     }
-    let _ = writeln!(
-        out,
-        "# At rest it reads {:.4} m/s2, standard uncertainty {:.4}. One pose cannot tell scale from offset along gravity.",
-        gravity.norm_m_s2.value, gravity.norm_m_s2.sigma
-    );
-    out.push_str(&matrix_line(gravity.scale.value));
     Some(out)
 }
 
@@ -76,9 +88,10 @@ fn heading(source: &str) -> String {
 
 fn sigma_line(estimate: &VectorEstimate, unit: &str) -> String {
     let [x, y, z] = estimate.sigma;
-    format!("# Standard uncertainty {x:.2e}, {y:.2e}, {z:.2e} {unit}.")
+    let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+    format!("# Standard uncertainty {x:.2e}, {y:.2e}, {z:.2e}{unit}.")
 }
 
-fn matrix_line(factor: f64) -> String {
-    format!("matrix = [[{factor:?}, 0.0, 0.0], [0.0, {factor:?}, 0.0], [0.0, 0.0, {factor:?}]]\n")
+fn matrix_line([x, y, z]: [f64; 3]) -> String {
+    format!("matrix = [[{x:?}, 0.0, 0.0], [0.0, {y:?}, 0.0], [0.0, 0.0, {z:?}]]\n")
 }

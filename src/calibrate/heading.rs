@@ -7,7 +7,7 @@ use super::rest::{ForceAtRest, GyroAtRest};
 use super::rocking::{Rocking, RockingAxis, common_axis};
 use super::spin::Spin;
 use super::{Direction, Motion, Refusal, Study, Up, in_degrees};
-use crate::survey::{Estimate, Movement, MovementKind, angle_between};
+use crate::survey::{Estimate, Movement, MovementKind, angle_between, angle_to_line};
 use crate::units::{DEG_PER_RAD, RAD_PER_DEG};
 
 /// A rocking whose axis is within this of up is a shake, rad; one within this of the horizontal is a nod.
@@ -58,7 +58,7 @@ impl Study<'_> {
             Up::Spin => spin.map(|spin| spin.axis),
             Up::Shake => {
                 let axis =
-                    self.common_axis(gyro, |axis| from_line(axis, &of_gravity.direction) <= CLASS_ANGLE);
+                    self.common_axis(gyro, |axis| angle_to_line(axis, &of_gravity.direction) <= CLASS_ANGLE);
                 if axis.is_none() {
                     let why = "there is no shake: no movement back and forth about a vertical axis between two rests";
                     self.refuse("up", why, "rest, shake the head left and right three times, and rest", true);
@@ -84,10 +84,10 @@ impl Study<'_> {
     }
 
     fn given_heading(&mut self, up: &Direction, forward: &Vector3<f64>) -> Option<FoundHeading> {
-        if from_line(forward, &up.direction) < FORWARD_FROM_UP {
+        if angle_to_line(forward, &up.direction) < FORWARD_FROM_UP {
             let why = format!(
                 "the axis given as forward is {:.1} deg from the vertical",
-                from_line(forward, &up.direction) * DEG_PER_RAD
+                angle_to_line(forward, &up.direction) * DEG_PER_RAD
             );
             self.refuse("heading", why, "name another sensor axis with --forward", true);
             return None;
@@ -99,7 +99,8 @@ impl Study<'_> {
     }
 
     fn nodded_heading(&mut self, up: &Direction, gyro: Option<&GyroAtRest>) -> Option<FoundHeading> {
-        let is_nod = |axis: &Vector3<f64>| from_line(axis, &up.direction) >= 90.0 * RAD_PER_DEG - CLASS_ANGLE;
+        let is_nod =
+            |axis: &Vector3<f64>| angle_to_line(axis, &up.direction) >= 90.0 * RAD_PER_DEG - CLASS_ANGLE;
         let nods: Vec<Rocking> = self.rockings(is_nod);
         if nods.is_empty() {
             let why = match self.settings.up {
@@ -171,8 +172,9 @@ impl Study<'_> {
         gyro: Option<&GyroAtRest>,
         wanted: impl Fn(&Vector3<f64>) -> bool + Copy,
     ) -> Option<RockingAxis> {
-        let bias: Matrix3<f64> = self.wanted_movements(wanted).map(|nod| self.bias_covariance(nod)).sum();
-        common_axis(&self.rockings(wanted), &gyro?.variance, &bias)
+        let bias = |nod| self.segments.bias_covariance(self.samples, nod);
+        let bias: Matrix3<f64> = self.wanted_movements(wanted).map(bias).sum();
+        common_axis(&self.rockings(wanted), &gyro?.walk, &bias)
     }
 
     /// All segments with their kinds; without `up` a rocking is just that.
@@ -194,17 +196,11 @@ impl Study<'_> {
 
 /// The word for a movement.
 pub(super) fn kind(movement: &Movement, up: Option<Vector3<f64>>) -> &'static str {
-    match (movement.kind, up.map(|up| from_line(&movement.main_axis, &up))) {
+    match (movement.kind, up.map(|up| angle_to_line(&movement.main_axis, &up))) {
         (MovementKind::Spin, _) => "spin",
         (MovementKind::Other, _) => "other",
         (MovementKind::Rocking, Some(angle)) if angle <= CLASS_ANGLE => "shake",
         (MovementKind::Rocking, Some(angle)) if angle >= 90.0 * RAD_PER_DEG - CLASS_ANGLE => "nod",
         (MovementKind::Rocking, _) => "rocking",
     }
-}
-
-/// Angle of an axis without sense to a direction, rad, 0 to a quarter turn.
-fn from_line(axis: &Vector3<f64>, to: &Vector3<f64>) -> f64 {
-    let angle = angle_between(axis, to);
-    angle.min(core::f64::consts::PI - angle)
 }

@@ -1,4 +1,4 @@
-//! A sensor's constants and its mounting, out of a rest, a spin and a nod.
+//! A sensor's constants and its mounting, out of a rest, a spin and a nod, or out of six poses.
 //!
 //! | quantity | from |
 //! |---|---|
@@ -8,21 +8,24 @@
 //! | heading (head y) | axis of the nod across up, its sense from the nod's first half being forward |
 //! | factor on the rate | a counted turn over the integral of the rate about the axis |
 //! | accelerometer offset across the axis, lean of the axis, lever arm | [`crate::survey::TurningForce`] |
+//! | bias and factor of each accelerometer axis, and the mounting where they are named | six poses at rest |
 //!
 //! Every estimate carries a standard uncertainty ([`crate::survey::Estimate`]). What the data do not determine is
-//! refused with the reason and the motion that is missing; the rest is reported all the same. Not done: six poses, which
-//! would give bias and scale of each accelerometer axis.
+//! refused with the reason and the motion that is missing; the rest is reported all the same.
 
 use nalgebra::Vector3;
 use serde::Serialize;
 
 use crate::imu::RestLimits;
 use crate::survey::{Estimate, Sample, Sampling, Segments, VectorEstimate};
+use mounting::written_arm;
+use rest::ForceAtRest;
 
 mod files;
 mod guide;
 mod heading;
 mod mounting;
+mod poses;
 mod rest;
 mod rocking;
 mod spin;
@@ -33,6 +36,7 @@ pub use files::{calibration_toml, mount_toml};
 pub use guide::{Guide, Step};
 pub use heading::Heading;
 pub use mounting::{LeverArm, MountEstimate};
+pub use poses::AccelerometerEstimate;
 pub use rest::Gravity;
 pub use spin::{GyroScale, SpinAxis};
 
@@ -64,7 +68,7 @@ pub struct CountedTurn {
 }
 
 /// What is known and wanted beforehand.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct CalibrateSettings {
     /// Gravity at the place, m/s².
     pub gravity: f64,
@@ -74,6 +78,9 @@ pub struct CalibrateSettings {
     pub up: Up,
     /// Sensor axis said to point forward, unit: it stands for a nod.
     pub forward_imu: Option<Vector3<f64>>,
+    /// Six poses instead of a nod: the head's direction (unit, head frame) that is up in each, in the order of time; empty
+    /// where they are not named.
+    pub poses: Option<Vec<Vector3<f64>>>,
     /// What counts as rest.
     pub rest: RestLimits,
 }
@@ -118,6 +125,8 @@ pub struct Findings {
     pub gyro_noise_density_rad_s_sqrt_hz: Option<VectorEstimate>,
     /// What the accelerometer reads at rest.
     pub gravity: Option<Gravity>,
+    /// Bias and factor of the accelerometer's axes.
+    pub accelerometer: Option<AccelerometerEstimate>,
     /// The axis the chair turns about.
     pub spin_axis: Option<SpinAxis>,
     /// Factor on the rate.
@@ -140,7 +149,14 @@ pub struct Findings {
 /// [`crate::survey::MAX_SAMPLES`].
 pub fn calibrate(samples: &[Sample], settings: &CalibrateSettings) -> Findings {
     let segments = Segments::find(samples, &settings.rest);
-    let mut study = Study { samples, segments: &segments, settings, refusals: Vec::new(), notes: Vec::new() };
+    match &settings.poses {
+        Some(named) => calibrate_by_poses(samples, &segments, settings, named),
+        None => calibrate_by_motions(samples, &segments, settings),
+    }
+}
+
+fn calibrate_by_motions(samples: &[Sample], segments: &Segments, settings: &CalibrateSettings) -> Findings {
+    let mut study = Study::new(samples, segments, settings);
     let sampling = Sampling::of(samples);
     let gyro = study.gyro_at_rest(sampling.rate_hz);
     let gravity = study.gravity();
@@ -151,17 +167,71 @@ pub fn calibrate(samples: &[Sample], settings: &CalibrateSettings) -> Findings {
     let force = study.turning_force(spin.as_ref(), scale.as_ref(), gravity.as_ref());
     let (mount, lever_arm) = study.mounting(up.as_ref(), heading.as_ref(), force.as_ref());
     let motions = study.motions(up.as_ref().map(|up| up.direction));
+    if mount.is_none() {
+        study.notes.extend(gravity.as_ref().and_then(ForceAtRest::downwards));
+    }
     Findings {
         sampling,
         motions,
         gyro_bias_rad_s: gyro.as_ref().map(|gyro| gyro.bias()),
         gyro_noise_density_rad_s_sqrt_hz: gyro.as_ref().map(|gyro| gyro.noise_density),
         gravity: gravity.map(|gravity| gravity.finding(settings.gravity)),
+        accelerometer: None,
         spin_axis: spin.map(|spin| spin.finding),
         gyro_scale: scale,
         heading: heading.map(|heading| heading.finding),
         lever_arm,
         mount,
+        refusals: study.refusals,
+        notes: study.notes,
+    }
+}
+
+/// Of poses the accelerometer and, where they are named, the mounting; of a counted turn the factor on the rate and, with
+/// the accelerometer known, the lever arm.
+fn calibrate_by_poses(
+    samples: &[Sample],
+    segments: &Segments,
+    settings: &CalibrateSettings,
+    named: &[Vector3<f64>],
+) -> Findings {
+    let mut study = Study::new(samples, segments, settings);
+    let sampling = Sampling::of(samples);
+    let gyro = study.gyro_at_rest(sampling.rate_hz);
+    let poses = poses::poses(samples, segments);
+    let accelerometer = study.accelerometer(&poses);
+    let posed = match named {
+        [] => None,
+        _ => study.posed_mount(&poses, named, accelerometer.as_ref()),
+    };
+    let corrected: Vec<Sample> = match &accelerometer {
+        Some(known) => {
+            let force = |sample: &Sample| sample.specific_force_imu.map(|force| known.corrected(&force));
+            samples.iter().map(|sample| Sample { specific_force_imu: force(sample), ..*sample }).collect()
+        }
+        None => samples.to_vec(),
+    };
+    study.samples = &corrected;
+    let counted = settings.counted.is_some();
+    let gravity = if counted { study.gravity() } else { None };
+    let spin = if counted { study.spin(gravity.as_ref()) } else { None };
+    let scale = study.gyro_scale(spin.as_ref(), gyro.as_ref());
+    let force = study.turning_force(spin.as_ref(), scale.as_ref(), gravity.as_ref());
+    let lever_arm = study.lever_arm(force.as_ref(), posed.as_ref().map(|(rotation, _)| rotation.matrix()));
+    let motions = study.motions(None);
+    Findings {
+        sampling,
+        motions,
+        gyro_bias_rad_s: gyro.as_ref().map(|gyro| gyro.bias()),
+        gyro_noise_density_rad_s_sqrt_hz: gyro.as_ref().map(|gyro| gyro.noise_density),
+        gravity: None,
+        accelerometer: accelerometer.map(|known| known.finding),
+        spin_axis: spin.map(|spin| spin.finding),
+        gyro_scale: scale,
+        heading: None,
+        lever_arm,
+        mount: posed
+            .map(|(_, mount)| MountEstimate { lever_arm_m: written_arm(lever_arm.as_ref()), ..mount }),
         refusals: study.refusals,
         notes: study.notes,
     }
@@ -176,7 +246,11 @@ struct Study<'a> {
     notes: Vec<String>,
 }
 
-impl Study<'_> {
+impl<'a> Study<'a> {
+    fn new(samples: &'a [Sample], segments: &'a Segments, settings: &'a CalibrateSettings) -> Self {
+        Self { samples, segments, settings, refusals: Vec::new(), notes: Vec::new() }
+    }
+
     fn refuse(&mut self, what: &'static str, why: impl Into<String>, hint: &'static str, needed: bool) {
         self.refusals.push(Refusal { what, why: why.into(), hint, needed });
     }

@@ -50,8 +50,29 @@ impl Study<'_> {
             let forward = heading.left.cross(&up.direction);
             Matrix3::from_rows(&[forward.transpose(), heading.left.transpose(), up.direction.transpose()])
         });
-        let lever_arm = force.map(|force| lever_arm(force, rotation.as_ref()));
-        if let Some(arm) = lever_arm.filter(|arm| !arm.written) {
+        let lever_arm = self.lever_arm(force, rotation.as_ref());
+        let mount = rotation.zip(up).zip(heading).map(|((rotation, up), heading)| {
+            let of_up = rotation * up.covariance * rotation.transpose();
+            // An error of up by e moves the foot of a nod axis that is not level sideways.
+            let slope = heading.along_up / (1.0 - heading.along_up * heading.along_up).max(1e-9).sqrt();
+            let variances = [of_up[(1, 1)], of_up[(0, 0)], heading.variance + slope * slope * of_up[(0, 0)]];
+            MountEstimate {
+                matrix: core::array::from_fn(|row| core::array::from_fn(|column| rotation[(row, column)])),
+                sigma_deg: variances.map(|variance| in_degrees(0.0, variance).sigma),
+                lever_arm_m: written_arm(lever_arm.as_ref()),
+            }
+        });
+        (mount, lever_arm)
+    }
+
+    /// The lever arm, in head axes where `rotation` (imu to head) is known.
+    pub(super) fn lever_arm(
+        &mut self,
+        force: Option<&ForceInSpin>,
+        rotation: Option<&Matrix3<f64>>,
+    ) -> Option<LeverArm> {
+        let arm = lever_arm(force?, rotation);
+        if !arm.written {
             let sigma = arm.sensor_from_axis_imu_m.sigma.into_iter().fold(0.0, f64::max);
             self.refuse(
                 "lever arm",
@@ -60,20 +81,14 @@ impl Study<'_> {
                 false,
             );
         }
-        let mount = rotation.zip(up).zip(heading).map(|((rotation, up), heading)| {
-            let of_up = rotation * up.covariance * rotation.transpose();
-            // An error of up by e moves the foot of a nod axis that is not level sideways.
-            let slope = heading.along_up / (1.0 - heading.along_up * heading.along_up).max(1e-9).sqrt();
-            let variances = [of_up[(1, 1)], of_up[(0, 0)], heading.variance + slope * slope * of_up[(0, 0)]];
-            let arm = lever_arm.filter(|arm| arm.written).and_then(|arm| arm.sensor_from_axis_head_m);
-            MountEstimate {
-                matrix: core::array::from_fn(|row| core::array::from_fn(|column| rotation[(row, column)])),
-                sigma_deg: variances.map(|variance| in_degrees(0.0, variance).sigma),
-                lever_arm_m: arm.map(|arm| [-arm.value[0], -arm.value[1], 0.0]),
-            }
-        });
-        (mount, lever_arm)
+        Some(arm)
     }
+}
+
+/// The lever arm as a mount holds it, where it is known well enough.
+pub(super) fn written_arm(arm: Option<&LeverArm>) -> Option<[f64; 3]> {
+    let in_head = arm.filter(|arm| arm.written)?.sensor_from_axis_head_m?;
+    Some([-in_head.value[0], -in_head.value[1], 0.0])
 }
 
 /// The specific force of the spin with what turns it into raw readings.

@@ -4,7 +4,9 @@ use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
 use super::{Direction, Study, in_degrees};
-use crate::survey::{Estimate, Mean, Sample, Span, VectorEstimate, angle_between};
+use crate::imu::points_down;
+use crate::survey::{Estimate, Mean, Span, VectorEstimate, angle_between};
+use crate::units::DEG_PER_RAD;
 
 /// The gyroscope at rest.
 #[derive(Clone, Copy, Debug)]
@@ -12,9 +14,10 @@ pub(super) struct GyroAtRest {
     /// Mean over all rests, rad/s.
     mean: Vector3<f64>,
     /// Covariance of the mean.
-    pub(super) covariance: Matrix3<f64>,
-    /// Variance of one sample, (rad/s)², per axis.
-    pub(super) variance: Vector3<f64>,
+    covariance: Matrix3<f64>,
+    /// Variance that the noise gives the integral of the rate, rad²/s: that of the mean of a rest times its length, so
+    /// that noise whose neighbours are alike counts for what it is.
+    pub(super) walk: Matrix3<f64>,
     /// One-sided amplitude density, rad/s/√Hz.
     pub(super) noise_density: VectorEstimate,
 }
@@ -55,6 +58,12 @@ impl ForceAtRest {
         Some(Direction { direction: up, covariance: across * self.mean.covariance * across / (norm * norm) })
     }
 
+    /// What a run should be told about a sensor that lies upside down.
+    pub(super) fn downwards(&self) -> Option<String> {
+        let tilt = angle_between(&self.mean.mean, &Vector3::z()) * DEG_PER_RAD;
+        (tilt > 90.0).then(|| points_down(tilt))
+    }
+
     pub(super) fn finding(&self, gravity: f64) -> Gravity {
         let Mean { mean, covariance, .. } = &self.mean;
         let norm = mean.norm();
@@ -91,7 +100,7 @@ impl Study<'_> {
             .segments
             .rests
             .iter()
-            .filter_map(|rest| Some((*rest, Mean::of(&omegas(rest.of(self.samples)))?)))
+            .filter_map(|rest| Some((*rest, Mean::of(&rest.omegas(self.samples))?)))
             .collect();
         if rests.is_empty() {
             self.refuse(
@@ -110,8 +119,10 @@ impl Study<'_> {
         let drift = Vector3::from_fn(|i, _| {
             let (count, squares) = (rests.len() as f64, |d: f64| d * d);
             let excess = rests.iter().map(|(_, r)| squares(r.mean[i] - mean[i]) - r.covariance[(i, i)]);
-            (excess.sum::<f64>() / count).max(0.0) / count
+            excess.sum::<f64>().max(0.0) / ((count - 1.0).max(1.0) * count)
         });
+        let walk: Matrix3<f64> =
+            rests.iter().map(|(span, r)| r.covariance * (share(r) * span.duration_s(self.samples))).sum();
         let squares: Vec<Vector3<f64>> = rests
             .iter()
             .flat_map(|(span, rest)| {
@@ -131,7 +142,7 @@ impl Study<'_> {
         Some(GyroAtRest {
             mean,
             covariance: inner + Matrix3::from_diagonal(&drift),
-            variance: variance.mean,
+            walk,
             noise_density: VectorEstimate { value: std.into(), sigma: std_sigma.into() }.scaled(density),
         })
     }
@@ -139,17 +150,11 @@ impl Study<'_> {
     /// Specific force in the rests next to the longest spin, or else in the first rest.
     pub(super) fn gravity(&mut self) -> Option<ForceAtRest> {
         let rests: Vec<Span> = match self.segments.longest_spin() {
-            Some(spin) => [spin.rest_before, spin.rest_after]
-                .into_iter()
-                .flatten()
-                .map(|i| self.segments.rests[i])
-                .collect(),
+            Some(spin) => self.segments.rests_around(spin).collect(),
             None => self.segments.rests.first().copied().into_iter().collect(),
         };
-        let forces: Vec<Vector3<f64>> = rests
-            .iter()
-            .flat_map(|rest| rest.of(self.samples).iter().filter_map(|sample| sample.specific_force_imu))
-            .collect();
+        let forces: Vec<Vector3<f64>> =
+            rests.iter().flat_map(|rest| rest.specific_forces(self.samples)).collect();
         let mean = Mean::of(&forces).filter(|mean| mean.mean.norm() > 1e-9);
         if mean.is_none() && self.samples.iter().all(|sample| sample.specific_force_imu.is_none()) {
             self.refuse(
@@ -168,8 +173,4 @@ impl Study<'_> {
         }
         Some(ForceAtRest { mean: mean? })
     }
-}
-
-fn omegas(samples: &[Sample]) -> Vec<Vector3<f64>> {
-    samples.iter().map(|sample| sample.omega_imu).collect()
 }

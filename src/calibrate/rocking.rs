@@ -82,11 +82,11 @@ impl Rocking {
 
 /// The common axis of several rockings, each in the sense of its first stroke.
 ///
-/// Its error is that of the gyro (`sample_variance` of one sample, `bias_covariance`) and the scatter of the nods, widened
-/// for their number: a person's nods differ by more than the noise.
+/// Its error is that of the gyro (`walk`, the variance of the integral of its noise, rad²/s, and `bias_covariance`) and the
+/// scatter of the nods, widened for their number: a person's nods differ by more than the noise.
 pub(super) fn common_axis(
     rockings: &[Rocking],
-    sample_variance: &Vector3<f64>,
+    walk: &Matrix3<f64>,
     bias_covariance: &Matrix3<f64>,
 ) -> Option<RockingAxis> {
     let mut aligned: Vec<(Vector3<f64>, f64, &Stroke)> = Vec::new();
@@ -115,13 +115,8 @@ pub(super) fn common_axis(
     let strokes: Vec<Vector3<f64>> = aligned.iter().map(|(angle, ..)| *angle).collect();
     let scatter = scatter(&across, if pairs.len() > 1 { &pairs } else { &strokes });
     let signed_s: f64 = aligned.iter().map(|(_, sense, stroke)| sense * stroke.duration_s).sum();
-    let noise_s2: f64 = aligned
-        .iter()
-        .map(|(.., stroke)| {
-            stroke.duration_s * stroke.duration_s / (stroke.last - stroke.first).max(1) as f64
-        })
-        .sum();
-    let noise = Matrix3::from_diagonal(sample_variance) * noise_s2 + bias_covariance * (signed_s * signed_s);
+    let all_s: f64 = aligned.iter().map(|(.., stroke)| stroke.duration_s).sum();
+    let noise = walk * all_s + bias_covariance * (signed_s * signed_s);
     let covariance = across * (scatter + noise) * across / (length * length);
     Some(RockingAxis { axis, covariance, strokes: strokes.len() })
 }

@@ -6,15 +6,13 @@ use serde::Serialize;
 use super::mounting::ForceInSpin;
 use super::rest::{ForceAtRest, GyroAtRest, angle_to, tilt_from_z};
 use super::{Direction, Study, Up};
-use crate::survey::{Estimate, Mean, Movement, MovementKind, Plateau, Scales, TurningForce};
+use crate::survey::{Estimate, Mean, Movement, Plateau, Scales, TRUSTED_GAP_S, TurningForce};
 use crate::units::DEG_PER_RAD;
 
 /// Share of the fast rate (its 90th percentile) from which a sample counts for the axis.
 const FAST_SHARE: f64 = 0.5;
 /// Factors on the rate that are believed; beyond them the turns were miscounted.
 const SCALE_LIMITS: (f64, f64) = (0.8, 1.25);
-/// Longest pause of the data within a spin whose integral is trusted, s.
-const LONGEST_GAP_S: f64 = 0.25;
 /// Standard uncertainty of a factor on the rate that nobody measured: data sheets of consumer sensors allow 1 to 3 %.
 const UNKNOWN_SCALE_SIGMA: f64 = 0.02;
 /// Offset of an accelerometer along gravity that nobody can tell from its scale, m/s²: 10 mg, a usual one.
@@ -93,7 +91,9 @@ impl<'a> Study<'a> {
         let sense = if up.is_some_and(|up| up.dot(&mean.mean) < 0.0) { -1.0 } else { 1.0 };
         let direction = mean.mean * (sense / rate);
         let across = Matrix3::identity() - direction * direction.transpose();
-        let covariance = across * (mean.covariance + self.bias_covariance(movement)) * across / (rate * rate);
+        let covariance =
+            across * (mean.covariance + self.segments.bias_covariance(self.samples, movement)) * across
+                / (rate * rate);
         let of_gravity = gravity.and_then(ForceAtRest::direction);
         let finding = SpinAxis {
             axis_imu: direction.into(),
@@ -123,7 +123,7 @@ impl<'a> Study<'a> {
                 }
             ));
         }
-        if self.segments.movements.iter().filter(|m| m.kind == MovementKind::Spin).count() > 1 {
+        if self.segments.spins().count() > 1 {
             self.notes.push("there are several spins: the one that turns furthest is used".to_owned());
         }
     }
@@ -141,7 +141,6 @@ impl<'a> Study<'a> {
         };
         let axis = &spin.axis.direction;
         let span = spin.movement.span;
-        let inside = span.of(self.samples);
         let measured = spin.movement.turning.angle.dot(axis).abs();
         let scale = counted.angle.abs() / measured;
         if !(SCALE_LIMITS.0..=SCALE_LIMITS.1).contains(&scale) {
@@ -158,9 +157,9 @@ impl<'a> Study<'a> {
             );
             return None;
         }
-        let gap_s = inside.windows(2).map(|pair| pair[1].time_s - pair[0].time_s).fold(0.0, f64::max);
-        let clipped = inside.iter().filter(|sample| sample.clipped).count();
-        if gap_s > LONGEST_GAP_S || clipped > 0 {
+        let gap_s = span.longest_gap_s(self.samples);
+        let clipped = span.of(self.samples).iter().filter(|sample| sample.clipped).count();
+        if gap_s > TRUSTED_GAP_S || clipped > 0 {
             let why = format!(
                 "in the spin {clipped} samples are clipped and the longest pause is {gap_s:.2} s: the angle is not measured"
             );
@@ -169,29 +168,14 @@ impl<'a> Study<'a> {
         }
         let duration_s = span.duration_s(self.samples);
         let along = |matrix: &Matrix3<f64>| (axis.transpose() * matrix * axis)[(0, 0)];
-        let bias_variance = along(&self.bias_covariance(spin.movement));
-        let noise = along(&Matrix3::from_diagonal(&gyro.variance)) * duration_s * duration_s
-            / span.count().max(1) as f64;
-        let sigma = (bias_variance * duration_s * duration_s + noise).sqrt();
+        let bias_variance = along(&self.segments.bias_covariance(self.samples, spin.movement));
+        let sigma = (bias_variance * duration_s * duration_s + along(&gyro.walk) * duration_s).sqrt();
         let relative = libm::hypot(sigma / measured, counted.sigma / counted.angle.abs());
         Some(GyroScale {
             scale: Estimate { value: scale, sigma: scale * relative },
             counted_deg: counted.angle.abs() * DEG_PER_RAD,
             measured_deg: Estimate { value: measured, sigma }.scaled(DEG_PER_RAD),
         })
-    }
-
-    /// Covariance of the bias that was taken off a movement, (rad/s)²: of the mean of both rests, or of the only one.
-    pub(super) fn bias_covariance(&self, movement: &Movement) -> Matrix3<f64> {
-        let rests = [movement.rest_before, movement.rest_after].into_iter().flatten();
-        let means: Vec<Matrix3<f64>> = rests
-            .filter_map(|rest| {
-                let inside = self.segments.rests[rest].of(self.samples);
-                Mean::of(&inside.iter().map(|sample| sample.omega_imu).collect::<Vec<_>>())
-            })
-            .map(|mean| mean.covariance)
-            .collect();
-        means.iter().sum::<Matrix3<f64>>() / (means.len() * means.len()).max(1) as f64
     }
 
     /// The specific force of the spin, taken apart.
@@ -216,7 +200,11 @@ impl<'a> Study<'a> {
             gyro: scale.map_or(Estimate { value: 1.0, sigma: UNKNOWN_SCALE_SIGMA }, |found| found.scale),
             specific_force: Estimate {
                 value: force_scale,
-                sigma: force_scale * HIDDEN_OFFSET_M_S2 / self.settings.gravity,
+                // Poses have taken the offset off.
+                sigma: match self.settings.poses {
+                    Some(_) => 0.0,
+                    None => force_scale * HIDDEN_OFFSET_M_S2 / self.settings.gravity,
+                },
             },
         };
         let rests = &self.segments.rests;

@@ -10,6 +10,7 @@
 //! | vibration | averaged amplitude spectrum of that scatter, and of the specific force |
 //! | wobble | angle of the single sample's axis to the mean axis |
 //! | lean | gravity that goes round with the turn ([`crate::survey::TurningForce`]) |
+//! | against a commanded profile | [`CommandedProfile`] |
 //!
 //! What a recording cannot tell is said, not guessed.
 
@@ -19,6 +20,7 @@ use serde::Serialize;
 use crate::imu::RestLimits;
 use crate::survey::{Estimate, Sample, Sampling, Segments, Turning, VectorEstimate};
 
+mod commanded;
 mod plateau;
 mod profile;
 mod spectrum;
@@ -26,6 +28,7 @@ mod spectrum;
 mod tests;
 mod text;
 
+pub use commanded::{CommandedPlateau, CommandedProfile, ProfileError, ProfileReport};
 pub use plateau::{AxisReport, PlateauReport};
 pub use profile::{Overshoot, Ramp};
 pub use spectrum::{Peak, Spectrum, Vibration};
@@ -40,12 +43,14 @@ pub struct Commanded {
 }
 
 /// What is known and wanted beforehand.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ChairSettings {
     /// Gravity at the place, m/s².
     pub gravity: f64,
     /// What the chair was told to do.
     pub commanded: Commanded,
+    /// The rate it was told to have over time.
+    pub profile: Option<CommandedProfile>,
     /// What counts as rest.
     pub rest: RestLimits,
 }
@@ -61,6 +66,12 @@ pub struct ChairReport {
     pub commanded: Commanded,
     /// The spin that turned furthest.
     pub spin: Option<SpinReport>,
+    /// All spins, in the order of time.
+    pub spins: Vec<SpinRow>,
+    /// Measured against the commanded profile.
+    pub profile: Option<ProfileReport>,
+    /// What else should be known.
+    pub notes: Vec<String>,
     /// What these data cannot tell, and why.
     pub cannot_tell: Vec<String>,
     /// Curves for a figure.
@@ -111,15 +122,58 @@ pub struct SpinReport {
     pub vibration: Option<Vibration>,
 }
 
+/// One of several spins in short.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct SpinRow {
+    /// When the chair left its rest, s; `None` when it turned from the first sample on.
+    pub start_s: Option<f64>,
+    /// When it came to rest, s; `None` when it turned to the last sample.
+    pub stop_s: Option<f64>,
+    /// Angle turned about the axis, bias removed, degrees; positive is to the left.
+    pub turned_deg: f64,
+    /// Mean rate of the plateau, deg/s; `None` without one.
+    pub rate_deg_s: Option<Estimate>,
+    /// The same against the commanded one, deg/s.
+    pub commanded: Option<Against>,
+    /// Standard deviation of the rate in the plateau, deg/s.
+    pub ripple_rms_deg_s: Option<f64>,
+    /// How far the rate shot past the plateau's, percent.
+    pub overshoot_percent: Option<f64>,
+    /// Angle of the axis to the nearer end of the sensor's z axis, degrees.
+    pub tilt_from_sensor_z_deg: f64,
+}
+
+impl SpinRow {
+    fn of(spin: &SpinReport) -> Self {
+        let plateau = spin.plateau.as_ref();
+        Self {
+            start_s: spin.start_s,
+            stop_s: spin.stop_s,
+            turned_deg: spin.turned_deg,
+            rate_deg_s: plateau.map(|plateau| plateau.rate_deg_s),
+            commanded: plateau.and_then(|plateau| plateau.commanded),
+            ripple_rms_deg_s: plateau.map(|plateau| plateau.ripple_rms_deg_s),
+            overshoot_percent: spin.overshoot.map(|overshoot| overshoot.overshoot_percent),
+            tilt_from_sensor_z_deg: spin.axis.tilt_from_sensor_z_deg,
+        }
+    }
+}
+
 /// Finds everything `samples` say about the chair. Never fails; `samples` are in the order of time.
 pub fn survey_chair(samples: &[Sample], settings: &ChairSettings) -> ChairReport {
     let sampling = Sampling::of(samples);
     let segments = Segments::find(samples, &settings.rest);
-    let mut cannot_tell = Vec::new();
-    let mut curves = Curves::default();
-    let spin = segments.longest_spin().and_then(|movement| {
-        plateau::spin_report(samples, &segments, movement, settings, &mut cannot_tell, &mut curves)
-    });
+    let (mut spin, mut spins, mut cannot_tell, mut curves) =
+        (None, Vec::new(), Vec::new(), Curves::default());
+    let longest = segments.longest_spin();
+    for movement in segments.spins() {
+        let (mut told, mut drawn) = (Vec::new(), Curves::default());
+        let report = plateau::spin_report(samples, &segments, movement, settings, &mut told, &mut drawn);
+        spins.extend(report.as_ref().map(SpinRow::of));
+        if longest == Some(movement) {
+            (spin, cannot_tell, curves) = (report, told, drawn);
+        }
+    }
     if spin.is_none() {
         cannot_tell.push(
             "anything about a spin: nowhere does the sensor turn by 90 deg or more in one direction"
@@ -132,14 +186,49 @@ pub fn survey_chair(samples: &[Sample], settings: &ChairSettings) -> ChairReport
     } else {
         Turning::over(samples, all, &crate::survey::Bias::default()).angle
     };
+    let profile = settings.profile.as_ref().zip(spin.as_ref()).and_then(|(profile, spin)| {
+        let found = profile_report(samples, &segments, profile, spin);
+        if found.is_none() {
+            cannot_tell
+                .push("whether it did as commanded: no plateau of the profile is in the data".to_owned());
+        }
+        found
+    });
+    let notes = profile.as_ref().and_then(ProfileReport::doubt).into_iter().chain(downwards(spin.as_ref()));
+    let notes = notes.collect();
     ChairReport {
         sampling,
         integral_imu_deg: angle.map(f64::to_degrees).into(),
         commanded: settings.commanded,
         spin,
+        spins,
+        profile,
+        notes,
         cannot_tell,
         curves,
     }
+}
+
+/// Holds a spin against the profile. Without an accelerometer left and right are not known: the sense that fits is taken.
+fn profile_report(
+    samples: &[Sample],
+    segments: &Segments,
+    profile: &CommandedProfile,
+    spin: &SpinReport,
+) -> Option<ProfileReport> {
+    let axis = Vector3::from(spin.axis.axis_imu);
+    let against = |axis: &Vector3<f64>| commanded::against_profile(samples, segments, axis, profile);
+    if spin.sense_known {
+        return against(&axis);
+    }
+    let both = [against(&axis), against(&-axis)].into_iter().flatten();
+    both.min_by(|a, b| a.rms_error_deg_s.total_cmp(&b.rms_error_deg_s))
+}
+
+/// What a run should be told about a sensor that lies upside down.
+fn downwards(spin: Option<&SpinReport>) -> Option<String> {
+    let spin = spin.filter(|spin| spin.sense_known && spin.axis.axis_imu[2] < 0.0)?;
+    Some(crate::imu::points_down(spin.axis.axis_imu[2].acos().to_degrees()))
 }
 
 /// Measured against commanded.
@@ -152,10 +241,9 @@ pub struct Against {
 }
 
 impl Against {
-    fn new(measured: f64, commanded: Option<f64>) -> Option<Self> {
-        let commanded = commanded?;
+    fn of(measured: f64, commanded: f64) -> Self {
         let error = measured - commanded;
-        Some(Self { error, error_percent: 100.0 * error / commanded.abs() })
+        Self { error, error_percent: 100.0 * error / commanded.abs() }
     }
 }
 

@@ -6,7 +6,8 @@ use serde::Serialize;
 use super::profile::{Overshoot, Profile, Ramp};
 use super::{Against, ChairSettings, Curves, Spectrum, SpinReport, Vibration};
 use crate::survey::{
-    Estimate, Mean, Movement, Plateau, Sample, Scales, Segments, Span, TurningForce, angle_between,
+    Estimate, Mean, Movement, Plateau, Sample, Scales, Segments, Span, TRUSTED_GAP_S, TurningForce,
+    angle_between, angle_to_line,
 };
 
 /// Standard uncertainty of the gyro's factor, which nobody has measured here.
@@ -106,7 +107,7 @@ pub(super) fn spin_report(
     study.say_what_is_missing(cannot_tell);
     let Course { plateau, overshoot, ramp_up, ramp_down } = study.course(settings, curves);
     let bias = |rest: Option<usize>| {
-        let mean = Mean::of(&omegas(segments.rests[rest?].of(samples)))?;
+        let mean = Mean::of(&segments.rests[rest?].omegas(samples))?;
         Some(mean.estimate().scaled(1.0_f64.to_degrees()))
     };
     let lean = study.lean(settings.gravity);
@@ -140,14 +141,11 @@ impl<'a> Study<'a> {
         let rates: Vec<Vector3<f64>> = steady.of(samples).iter().map(corrected).collect();
         let omega = Mean::of_one_direction(&rates)?;
         let direction = omega.mean.try_normalize(1e-9)?;
-        let rests = [movement.rest_before, movement.rest_after].into_iter().flatten();
-        let forces: Vec<Vector3<f64>> = rests
-            .flat_map(|rest| segments.rests[rest].of(samples).iter().filter_map(|s| s.specific_force_imu))
-            .collect();
+        let forces: Vec<Vector3<f64>> =
+            segments.rests_around(movement).flat_map(|rest| rest.specific_forces(samples)).collect();
         let gravity = (!forces.is_empty()).then(|| forces.iter().sum::<Vector3<f64>>() / forces.len() as f64);
         // In the spin the specific force shows up as well, where no rest does.
-        let in_spin: Vector3<f64> =
-            steady.of(samples).iter().filter_map(|sample| sample.specific_force_imu).sum();
+        let in_spin: Vector3<f64> = steady.specific_forces(samples).iter().sum();
         let upward = match gravity.unwrap_or(in_spin) {
             force if force.norm() > 1e-9 => direction.dot(&force),
             _ => direction[direction.iamax()],
@@ -191,6 +189,10 @@ impl<'a> Study<'a> {
         }
         if self.plateau.is_none() {
             say("a plateau and what belongs to it: the rate never kept steady for 1 s");
+        }
+        let gap_s = self.movement.span.longest_gap_s(self.samples);
+        if gap_s > TRUSTED_GAP_S {
+            say(&format!("how far it turned: the data pause for {gap_s:.2} s in the spin"));
         }
     }
 
@@ -244,7 +246,7 @@ impl<'a> Study<'a> {
             rate_deg_s: Estimate { value: rate_deg_s, sigma: along.max(0.0).sqrt().to_degrees() },
             rate_rpm: rate_deg_s / 6.0,
             omega_imu_deg_s: self.omega.mean.map(f64::to_degrees).into(),
-            commanded: Against::new(rate_deg_s, commanded),
+            commanded: commanded.map(|commanded| Against::of(rate_deg_s, commanded)),
             drift_deg_s_per_min: Estimate { value: line.slope, sigma: line.slope_sigma(times_s, &off) }
                 .scaled(60.0_f64.to_degrees()),
             ripple_rms_deg_s: rms.to_degrees(),
@@ -257,19 +259,17 @@ impl<'a> Study<'a> {
 
     /// Covariance of the bias that was taken off, (rad/s)².
     fn bias_covariance(&self) -> Matrix3<f64> {
-        let means: Vec<Matrix3<f64>> = self.rests().map(|mean| mean.covariance).collect();
-        means.iter().sum::<Matrix3<f64>>() / (means.len() * means.len()).max(1) as f64
+        self.segments.bias_covariance(self.samples, self.movement)
     }
 
-    /// The gyro in the rests next to the spin.
-    fn rests(&self) -> impl Iterator<Item = Mean> {
-        let rests = [self.movement.rest_before, self.movement.rest_after].into_iter().flatten();
-        rests.filter_map(|rest| Mean::of(&omegas(self.segments.rests[rest].of(self.samples))))
+    /// The gyro in the first rest next to the spin.
+    fn first_rest(&self) -> Option<Mean> {
+        Mean::of(&self.segments.rests_around(self.movement).next()?.omegas(self.samples))
     }
 
     /// Standard deviation of the rate along the axis at rest, rad/s.
     fn noise_along(&self) -> Option<f64> {
-        let mean = self.rests().next()?;
+        let mean = self.first_rest()?;
         Some(mean.std.component_mul(&self.axis).norm())
     }
 
@@ -288,12 +288,8 @@ impl<'a> Study<'a> {
             .collect();
         let mean_square = angles.iter().map(|angle| angle * angle).sum::<f64>() / angles.len() as f64;
         angles.sort_by(f64::total_cmp);
-        let noise =
-            self.rests().next().map(|mean| (across * Matrix3::from_diagonal(&mean.std)).norm() / rate);
-        let from_z = |direction: &Vector3<f64>| {
-            let angle = angle_between(direction, &Vector3::z());
-            angle.min(core::f64::consts::PI - angle).to_degrees()
-        };
+        let noise = self.first_rest().map(|mean| (across * Matrix3::from_diagonal(&mean.std)).norm() / rate);
+        let from_z = |direction: &Vector3<f64>| angle_to_line(direction, &Vector3::z()).to_degrees();
         // Without a rest the specific force holds the centripetal part.
         let at_rest = self.gravity.filter(|_| self.movement.bias.is_known());
         AxisReport {
@@ -330,8 +326,7 @@ impl<'a> Study<'a> {
         let inside = self.steady.of(self.samples);
         let times_s: Vec<f64> = inside.iter().map(|sample| sample.time_s).collect();
         let rates: Vec<f64> = inside.iter().map(|sample| self.rate(sample).to_degrees()).collect();
-        let forces: Vec<Vector3<f64>> =
-            inside.iter().filter_map(|sample| sample.specific_force_imu).collect();
+        let forces = self.steady.specific_forces(self.samples);
         let by_axis: Vec<Vec<f64>> = (0..3).map(|i| forces.iter().map(|force| force[i]).collect()).collect();
         let vibration = Vibration {
             rate_deg_s: Spectrum::of(&times_s, &[rates]),
@@ -344,10 +339,6 @@ impl<'a> Study<'a> {
         curves.force_spectrum = curve(&vibration.specific_force_m_s2);
         vibration
     }
-}
-
-fn omegas(samples: &[Sample]) -> Vec<Vector3<f64>> {
-    samples.iter().map(|sample| sample.omega_imu).collect()
 }
 
 /// A least-squares line.

@@ -82,7 +82,7 @@ impl Profile {
             start_s: from_s - RAMP_SHARES.0 * duration_s,
             duration_s,
             acceleration_deg_s2: (sense * level / duration_s).to_degrees(),
-            commanded: Against::new(duration_s, commanded_s),
+            commanded: commanded_s.map(|commanded| Against::of(duration_s, commanded)),
             unresolved: duration_s < 4.0 * step_s,
         }
     }
@@ -127,7 +127,7 @@ impl Profile {
 }
 
 /// Moving mean over [`SMOOTHING_S`], centred.
-fn smoothed(times_s: &[f64], rates: &[f64]) -> Vec<f64> {
+pub(super) fn smoothed(times_s: &[f64], rates: &[f64]) -> Vec<f64> {
     let mut sums = vec![0.0];
     sums.extend(rates.iter().scan(0.0, |sum, rate| {
         *sum += rate;

@@ -99,7 +99,7 @@ impl Chair {
 }
 
 fn settings(commanded: Commanded) -> ChairSettings {
-    ChairSettings { gravity: STANDARD_GRAVITY, commanded, rest: RestLimits::default() }
+    ChairSettings { gravity: STANDARD_GRAVITY, commanded, profile: None, rest: RestLimits::default() }
 }
 
 #[track_caller]

@@ -3,8 +3,8 @@
 use std::fmt;
 
 use super::{
-    Against, AxisReport, ChairReport, Overshoot, PlateauReport, Ramp, Spectrum, SpinReport, Vibration,
-    plus_minus,
+    Against, AxisReport, ChairReport, Overshoot, PlateauReport, ProfileReport, Ramp, Spectrum, SpinReport,
+    SpinRow, Vibration, plus_minus,
 };
 
 /// Width of the column of names.
@@ -21,8 +21,17 @@ impl fmt::Display for ChairReport {
         )?;
         let [x, y, z] = self.integral_imu_deg;
         row(f, "raw integral, sensor x y z (deg)", &format!("{x:.1}  {y:.1}  {z:.1}"))?;
+        if self.spins.len() > 1 {
+            spin_table(f, &self.spins)?;
+        }
         if let Some(spin) = &self.spin {
             spin_rows(f, spin)?;
+        }
+        if let Some(profile) = &self.profile {
+            profile_rows(f, profile)?;
+        }
+        for note in &self.notes {
+            writeln!(f, "note: {note}")?;
         }
         for what in &self.cannot_tell {
             writeln!(f, "cannot tell {what}")?;
@@ -33,6 +42,74 @@ impl fmt::Display for ChairReport {
 
 fn row(f: &mut fmt::Formatter<'_>, name: &str, value: &str) -> fmt::Result {
     writeln!(f, "{name:<NAMES$}{value}")
+}
+
+/// A number of a table, or a dash.
+fn cell(value: Option<f64>, decimals: usize) -> String {
+    value.map_or("-".to_owned(), |value| format!("{value:.decimals$}"))
+}
+
+/// All spins; the one that turned furthest follows in full.
+fn spin_table(f: &mut fmt::Formatter<'_>, spins: &[SpinRow]) -> fmt::Result {
+    writeln!(f, "\n{} spins", spins.len())?;
+    writeln!(
+        f,
+        "{:>9}{:>9}{:>11}{:>12}{:>9}{:>9}{:>11}{:>9}",
+        "from s", "to s", "deg", "rate deg/s", "+-", "ripple", "overshoot%", "tilt deg"
+    )?;
+    for spin in spins {
+        writeln!(
+            f,
+            "{:>9}{:>9}{:>11.1}{:>12}{:>9}{:>9}{:>11}{:>9.2}",
+            cell(spin.start_s, 2),
+            cell(spin.stop_s, 2),
+            spin.turned_deg,
+            cell(spin.rate_deg_s.map(|rate| rate.value), 3),
+            cell(spin.rate_deg_s.map(|rate| rate.sigma), 3),
+            cell(spin.ripple_rms_deg_s, 3),
+            cell(spin.overshoot_percent, 1),
+            spin.tilt_from_sensor_z_deg
+        )?;
+    }
+    Ok(())
+}
+
+fn profile_rows(f: &mut fmt::Formatter<'_>, profile: &ProfileReport) -> fmt::Result {
+    writeln!(f, "\ncommanded profile")?;
+    let how = if profile.start_given { "as given" } else { "where it fits best: delays are against that" };
+    row(f, "its zero in the log (s)", &format!("{:.2}, {how}", profile.start_s))?;
+    row(f, "measured minus commanded (deg/s)", &format!("{:.3} rms", profile.rms_error_deg_s))?;
+    writeln!(
+        f,
+        "{:>9}{:>8}{:>11}{:>11}{:>9}{:>9}{:>9}{:>9}{:>11}{:>9}",
+        "from s",
+        "for s",
+        "commanded",
+        "executed",
+        "+-",
+        "error",
+        "error%",
+        "delay s",
+        "overshoot%",
+        "ripple"
+    )?;
+    for plateau in &profile.plateaus {
+        writeln!(
+            f,
+            "{:>9.2}{:>8.2}{:>11.3}{:>11.3}{:>9.3}{:>+9.3}{:>+9.2}{:>9}{:>11.1}{:>9.3}",
+            plateau.start_s,
+            plateau.duration_s,
+            plateau.commanded_deg_s,
+            plateau.executed_deg_s.value,
+            plateau.executed_deg_s.sigma,
+            plateau.error.error,
+            plateau.error.error_percent,
+            cell(plateau.delay_s, 3),
+            plateau.overshoot_percent,
+            plateau.ripple_rms_deg_s
+        )?;
+    }
+    Ok(())
 }
 
 fn spin_rows(f: &mut fmt::Formatter<'_>, spin: &SpinReport) -> fmt::Result {

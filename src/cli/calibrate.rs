@@ -24,16 +24,20 @@ const MOUNT: &str = "mount.toml";
 const CALIBRATION: &str = "calibration.toml";
 const REPORT: &str = "calibration.json";
 
-/// Find a sensor's bias, scales and mounting from a rest, a nod and a counted spin.
+/// Find a sensor's bias, scales and mounting from a rest, a nod (or six poses) and a counted spin.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  \
     otolith calibrate --device serial:/dev/ttyUSB0 --turned-deg 1080 --out my-sensor\n  \
+    otolith calibrate --device serial:/dev/ttyUSB0 --poses z,-z,x,-x,y,-y --out my-sensor\n  \
     otolith calibrate my-run.mcap --json\n  \
     otolith calibrate log.txt --log-map configs/logs/turntable-lsm9ds1.toml --forward x --out my-sensor\n  \
     otolith run --device serial:/dev/ttyUSB0 --mount my-sensor/mount.toml --calibration my-sensor/calibration.toml\n\n\
     The motions, in any order, with 3 s of rest before, between and after: a nod (tip the head, or what carries the \
     sensor, forward first and back again, three times) and a spin of the chair by whole turns. Of a live device they are \
     asked for on stderr and recognised as they come; in a file they are found.\n\n\
+    Six poses (--poses) take the place of the nod: 3 s of rest with each side of the sensor up. They give bias and \
+    scale of each accelerometer axis, which a nod does not; and the mounting, if the sensor sits in or on something whose \
+    own sides are those of the head and the order is named.\n\n\
     Every value has a standard uncertainty, 1 sigma: value ± 2 sigma holds the truth in about 95 of 100 cases. \
     What the data do not determine is refused with the reason, and the exit code is 1; the rest is reported and written \
     all the same.")]
@@ -56,6 +60,11 @@ pub(super) struct CalibrateArgs {
     #[arg(long, value_name = "AXIS", allow_hyphen_values = true,
           value_parser = clap::builder::PossibleValuesParser::new(["x", "-x", "y", "-y", "z", "-z"]))]
     forward: Option<String>,
+    /// Six poses instead of a nod: `any`, or the head's directions that are up in them, in the order of time, such as
+    /// z,-z,x,-x,y,-y (x is forward, y left, z up).
+    #[arg(long, value_name = "any|ORDER", allow_hyphen_values = true, value_parser = poses,
+          conflicts_with_all = ["up", "forward"])]
+    poses: Option<Poses>,
     /// Largest rate that is taken for a gyro bias at rest; raise it for a gyro with a large one [default: 3.4].
     #[arg(long, value_name = "DEG/S")]
     rest_rate_max_deg_s: Option<f64>,
@@ -65,6 +74,21 @@ pub(super) struct CalibrateArgs {
     /// Overwrite files.
     #[arg(long)]
     force: bool,
+}
+
+/// The head's directions that are up in the poses; empty for `any`.
+#[derive(Clone, Debug)]
+struct Poses(Vec<Vector3<f64>>);
+
+fn poses(text: &str) -> Result<Poses, String> {
+    if text == "any" {
+        return Ok(Poses(Vec::new()));
+    }
+    let named: Option<Vec<_>> = text.split(',').map(|name| axis(name.trim())).collect();
+    match named {
+        Some(named) if named.len() >= 2 => Ok(Poses(named)),
+        _ => Err("expected any, or two or more of x, -x, y, -y, z, -z with commas between them".to_owned()),
+    }
 }
 
 /// What the head's up is taken from.
@@ -84,14 +108,17 @@ pub(super) fn run(args: &CalibrateArgs, json: bool) -> Result<ExitCode, Failure>
     let guided = args.readings.is_live()?;
     let mut guide = Guide::new(&settings);
     if guided {
-        show::note(&format!("calibrate: {} (Ctrl-C ends with what there is)", guide.step().prompt()));
+        show::note(&format!("calibrate: {} (Ctrl-C ends with what there is)", guide.prompt()));
     }
     let readings = args.readings.collect(|samples| {
+        let before = guide.step();
         let Some(step) = (if guided { guide.look(samples) } else { None }) else { return false };
-        show::note(&format!("calibrate: {}", step.prompt()));
+        let again = if step == before { "not recognised, once more: " } else { "" };
+        show::note(&format!("calibrate: {again}{}", guide.prompt()));
         step == Step::Done
     })?;
-    let findings = calibrate(&readings.samples, &settings);
+    let mut findings = calibrate(&readings.samples, &settings);
+    findings.notes.splice(0..0, readings.notes.iter().cloned());
     let report = Report { source: &readings.source, protocol: readings.protocol, findings: &findings };
     show::result(&report, json)?;
     if let Some(folder) = &args.out {
@@ -132,20 +159,17 @@ fn settings(args: &CalibrateArgs) -> Result<CalibrateSettings, Failure> {
             UpFrom::Shake => Up::Shake,
             UpFrom::Gravity => Up::Gravity,
         },
-        forward_imu: args.forward.as_deref().map(sensor_axis),
+        forward_imu: args.forward.as_deref().and_then(axis),
+        poses: args.poses.as_ref().map(|poses| poses.0.clone()),
         rest,
     })
 }
 
-/// The unit vector of a sensor axis by its name, one of those the argument parser lets pass.
-fn sensor_axis(name: &str) -> Vector3<f64> {
-    let sense = if name.starts_with('-') { -1.0 } else { 1.0 };
-    let index = match name.trim_start_matches('-') {
-        "x" => 0,
-        "y" => 1,
-        _ => 2,
-    };
-    Vector3::ith(index, sense)
+/// The unit vector of an axis by its name, x, -x, y, -y, z or -z.
+fn axis(name: &str) -> Option<Vector3<f64>> {
+    let (name, sense) = name.strip_prefix('-').map_or((name, 1.0), |name| (name, -1.0));
+    let index = ["x", "y", "z"].iter().position(|axis| *axis == name)?;
+    Some(Vector3::ith(index, sense))
 }
 
 fn write(folder: &Path, source: &str, findings: &Findings, report: &Report) -> Result<(), Failure> {

@@ -1,5 +1,7 @@
 //! `otolith chair`: what a rotating chair really did.
 
+mod profile;
+
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -24,10 +26,14 @@ const REPORT: &str = "chair.json";
 #[command(after_help = "Examples:\n  \
     otolith chair my-run.mcap\n  \
     otolith chair my-run.mcap --commanded-rpm 30 --commanded-ramp-s 1 --out my-chair\n  \
+    otolith chair my-run.mcap --commanded profile.csv\n  \
     otolith chair log.txt --log-map configs/logs/turntable-lsm9ds1.toml --json\n  \
     otolith chair --device serial:/dev/ttyUSB0 --duration-s 60\n\n\
     The sensor may be mounted in any way. It should rest for 2 s before and after the spin: that gives bias, noise and \
-    ramps. Of several spins the one that turns furthest is taken. Ctrl-C ends a live one with what there is.")]
+    ramps. Of several spins the one that turns furthest is taken apart, the others get a row each. Ctrl-C ends a live one \
+    with what there is.\n\n\
+    The file of --commanded is a CSV with the columns time_s and rate_deg_s (or rate_rpm), positive to the left: straight \
+    lines between its rows, two rows of the same time for a step, at rest before and after.")]
 pub(super) struct ChairArgs {
     #[command(flatten)]
     readings: ReadingsArgs,
@@ -37,6 +43,12 @@ pub(super) struct ChairArgs {
     /// Length of each ramp it was told to make.
     #[arg(long, value_name = "S")]
     commanded_ramp_s: Option<f64>,
+    /// Rate the chair was told to have over time: a CSV with time_s and rate_deg_s (or rate_rpm).
+    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["commanded_rpm", "commanded_ramp_s"])]
+    commanded: Option<PathBuf>,
+    /// When the time of that file was zero, in the log's time as the report has it [default: where it fits best].
+    #[arg(long, value_name = "S", allow_hyphen_values = true, requires = "commanded")]
+    commanded_start_s: Option<f64>,
     /// Write chair.svg and chair.json into this folder.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -67,11 +79,16 @@ pub(super) fn run(args: &ChairArgs, json: bool) -> Result<ExitCode, Failure> {
             rate_deg_s: nonzero("--commanded-rpm", args.commanded_rpm)?.map(|rpm| rpm * 6.0),
             ramp_s: nonzero("--commanded-ramp-s", args.commanded_ramp_s)?,
         },
+        profile: match &args.commanded {
+            Some(path) => Some(profile::read(path, args.commanded_start_s)?),
+            None => None,
+        },
         rest: RestLimits::default(),
     };
     claim(args.out.as_deref(), &[FIGURE, REPORT], None, args.force)?;
     let readings = args.readings.collect(|_| false)?;
-    let report = survey_chair(&readings.samples, &settings);
+    let mut report = survey_chair(&readings.samples, &settings);
+    report.notes.splice(0..0, readings.notes.iter().cloned());
     let sourced = Sourced { source: &readings.source, protocol: readings.protocol, report: &report };
     show::result(&sourced, json)?;
     if let Some(folder) = &args.out {

@@ -12,17 +12,20 @@ use super::decoder_flags::DecoderFlags;
 use super::failure::{Failure, FailureKind};
 use super::inspect::decoder_of_recording;
 use super::replay::{damage_text, open};
+use super::show;
 use crate::config::{Config, ConfigError};
 use crate::device::protocol::{ImuReading, PacketDecoder};
 use crate::device::replay::{self, FileKind};
 use crate::device::{DeviceError, Link, LinkError, Selector, Traffic};
-use crate::imu::ClockSync;
+use crate::imu::{ClockSync, OrderWatch, Place};
 use crate::runtime::Signals;
 use crate::survey::{MAX_SAMPLES, Sample};
 use crate::time::{Clock, HostTime, SystemClock};
 
 /// Longest wait for traffic, so that Ctrl-C is heard.
 const PATIENCE: Duration = Duration::from_millis(100);
+/// A live device that gives no sample for so long is spoken of.
+const SILENCE: Duration = Duration::from_secs(3);
 
 /// Where readings come from.
 #[derive(Debug, clap::Args)]
@@ -48,6 +51,8 @@ pub(super) struct Readings {
     pub(super) protocol: &'static str,
     /// In the order of time.
     pub(super) samples: Vec<Sample>,
+    /// What was left out, and what became of the connection.
+    pub(super) notes: Vec<String>,
     /// What is damaged in the recording they come from.
     damage: Option<String>,
 }
@@ -111,21 +116,36 @@ impl ReadingsArgs {
         let Opened { mut link, mut decoder, .. } = open_link(&self.flags.config(), &selector, &clock)?;
         let signals = Arc::new(Signals::default());
         stop_on_ctrl_c(&signals)?;
-        let mut collector = Collector::new(name, self.duration_s);
+        // The time of a device that falls silent must end, too.
+        let live = is_live(&selector);
+        let ends_at = self.duration_s.filter(|_| live).map(|s| clock.now() + Duration::from_secs_f64(s));
+        let mut collector = Collector::new(name, self.duration_s.filter(|_| !live));
+        let mut line = live.then(|| LineWatch { name, heard_at: clock.now(), silent: false, down: false });
         let mut seen = 0;
-        while !signals.stop.load(Ordering::Relaxed) && !collector.full()? {
+        while !signals.stop.load(Ordering::Relaxed)
+            && !collector.full()?
+            && ends_at.is_none_or(|end| clock.now() < end)
+        {
             if !collector.take_from(link.as_mut(), decoder.as_mut())? {
                 break;
             }
-            if collector.samples.len() > seen {
-                seen = collector.samples.len();
-                if watch(&collector.samples) {
-                    break;
-                }
+            let more = collector.samples.len() > seen;
+            seen = collector.samples.len();
+            if let Some(line) = &mut line {
+                line.look(clock.now(), more, link.status().down);
+            }
+            if more && watch(&collector.samples) {
+                break;
             }
         }
         collector.finish(decoder.as_mut());
-        Ok(collector.readings(decoder.as_ref()))
+        let mut readings = collector.readings(decoder.as_ref());
+        let losses = link.status().losses;
+        if losses > 0 {
+            let times = if losses == 1 { "once".to_owned() } else { format!("{losses} times") };
+            readings.notes.push(format!("the connection was lost {times}: nothing is known of that time"));
+        }
+        Ok(readings)
     }
 
     /// A recording of ours: its raw traffic once more.
@@ -153,6 +173,36 @@ impl ReadingsArgs {
     }
 }
 
+/// Tells whoever waits at a live device what becomes of it.
+struct LineWatch<'a> {
+    name: &'a str,
+    heard_at: HostTime,
+    silent: bool,
+    down: bool,
+}
+
+impl LineWatch<'_> {
+    /// One look: whether there are more samples than before, whether the connection is lost.
+    fn look(&mut self, now: HostTime, more: bool, down: bool) {
+        if down != self.down {
+            self.down = down;
+            let what = if down { "connection lost, waiting for the device" } else { "connection is back" };
+            show::note(&format!("{}: {what}", self.name));
+        }
+        if more || down {
+            (self.heard_at, self.silent) = (now, false);
+        } else if !self.silent && now.saturating_since(self.heard_at) >= SILENCE {
+            self.silent = true;
+            show::note(&format!(
+                "{}: not one sample for {} s: `otolith doctor {}` looks for the reason",
+                self.name,
+                SILENCE.as_secs(),
+                self.name
+            ));
+        }
+    }
+}
+
 /// Dates readings and keeps them.
 struct Collector {
     source: String,
@@ -161,7 +211,10 @@ struct Collector {
     announced_hz: Option<f64>,
     reconnects: u64,
     last_at: HostTime,
+    order: OrderWatch,
     samples: Vec<Sample>,
+    not_finite: u64,
+    out_of_order: u64,
 }
 
 impl Collector {
@@ -173,7 +226,10 @@ impl Collector {
             announced_hz: None,
             reconnects: 0,
             last_at: HostTime::default(),
+            order: OrderWatch::default(),
             samples: Vec::new(),
+            not_finite: 0,
+            out_of_order: 0,
         }
     }
 
@@ -217,8 +273,12 @@ impl Collector {
     }
 
     fn keep(&mut self, reading: &ImuReading) {
-        let values = reading.omega_imu.iter().chain(reading.specific_force_imu.iter().flatten());
-        if values.into_iter().all(|value| value.is_finite()) {
+        let mut values = reading.omega_imu.iter().chain(reading.specific_force_imu.iter().flatten());
+        if !values.all(|value| value.is_finite()) {
+            self.not_finite += 1;
+        } else if self.order.judge(reading) != Place::InOrder {
+            self.out_of_order += 1;
+        } else {
             self.samples.push(Sample {
                 time_s: self.clock.host_time(reading.device_time, self.last_at).as_secs_f64(),
                 omega_imu: reading.omega_imu,
@@ -245,6 +305,17 @@ impl Collector {
     }
 
     fn readings(self, decoder: &dyn PacketDecoder) -> Readings {
-        Readings { source: self.source, protocol: decoder.protocol(), samples: self.samples, damage: None }
+        let left_out = [
+            (self.not_finite, "samples hold a value that is no number and are left out"),
+            (self.out_of_order, "samples came twice or too late and are left out"),
+        ];
+        let notes = left_out.into_iter().filter(|(count, _)| *count > 0);
+        Readings {
+            source: self.source,
+            protocol: decoder.protocol(),
+            samples: self.samples,
+            notes: notes.map(|(count, what)| format!("{count} {what}")).collect(),
+            damage: None,
+        }
     }
 }

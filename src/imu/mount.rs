@@ -210,6 +210,15 @@ impl OmegaDerivative {
     }
 }
 
+/// What levelling does to a sensor that is `tilt_deg` (more than 90) from upright, in words for whoever mounted it.
+pub fn points_down(tilt_deg: f64) -> String {
+    format!(
+        "the sensor is {tilt_deg:.0} deg from upright: levelling turns it about an axis that nobody chose; up and the sense of \
+         a spin come out right, forward and left do not: say how it sits with --mount (lying upside down, x forward: \
+         configs/mounts/upside-down.toml)"
+    )
+}
+
 fn checked_rotation(file: &str, key: &str, matrix: &Matrix3<f64>) -> Result<Rotation3<f64>, ImuConfigError> {
     for value in matrix.iter() {
         check_range(file, key, *value, (-1.0 - ORTHONORMAL_TOLERANCE, 1.0 + ORTHONORMAL_TOLERANCE), "")?;

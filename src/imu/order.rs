@@ -9,7 +9,7 @@ const STEP_AFTER: u32 = 3;
 
 /// What the device's clock says about the place of a reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Place {
+pub enum Place {
     /// After all others, or as far as can be told: a reading without device time is always in order.
     InOrder,
     /// The reading before, once more.
@@ -20,14 +20,14 @@ pub(super) enum Place {
 
 /// Holds each reading against the newest one. Fixed size.
 #[derive(Clone, Debug, Default)]
-pub(super) struct OrderWatch {
+pub struct OrderWatch {
     newest: Option<ImuReading>,
     late_in_a_row: u32,
 }
 
 impl OrderWatch {
     /// Judges a reading. Equal stamps with different values are a coarse clock, not a repetition.
-    pub(super) fn judge(&mut self, reading: &ImuReading) -> Place {
+    pub fn judge(&mut self, reading: &ImuReading) -> Place {
         let times = self.newest.and_then(|newest| newest.device_time).zip(reading.device_time);
         let behind_us = times.map_or(0, |(newest, now)| newest.micros_since(now));
         if (1..=LATEST_US).contains(&behind_us) && self.late_in_a_row + 1 < STEP_AFTER {

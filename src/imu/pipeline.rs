@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use super::calibration::{Calibration, MIN_REST_SAMPLES, RestDetector};
 use super::clock_sync::{ClockMode, ClockSync};
 use super::health::ImuCounters;
-use super::mount::{HeadSample, Mount, OmegaDerivative};
+use super::mount::{HeadSample, Mount, OmegaDerivative, points_down};
 use super::order::{OrderWatch, Place};
 use super::rate::RateWatch;
 use super::{ImuSample, ImuSettings};
@@ -46,12 +46,21 @@ pub struct AlignmentReport {
     pub mount_tilt_deg: Option<f64>,
     /// That tilt was removed.
     pub levelled: bool,
+    /// It was more than 90 deg: the axis of that turn was nobody's choice, and forward and left are not known.
+    pub heading_arbitrary: bool,
     /// Factor applied to the specific force.
     pub scale: f64,
     /// The rest norm asked for a factor outside 0.8 to 1.25, so 1 was used.
     pub scale_refused: bool,
     /// No sample of the window had an accelerometer value: upright rest is put in its place.
     pub accelerometer_missing: bool,
+}
+
+impl AlignmentReport {
+    /// What whoever mounted the sensor should be told.
+    pub fn note(&self) -> Option<String> {
+        self.mount_tilt_deg.filter(|_| self.heading_arbitrary).map(points_down)
+    }
 }
 
 /// A sample of the alignment window.
@@ -298,6 +307,7 @@ impl ImuPipeline {
             if self.settings.level {
                 alignment.mount = levelled;
                 report.levelled = true;
+                report.heading_arbitrary = tilt > core::f64::consts::FRAC_PI_2;
             }
             if self.settings.scale_rest_norm {
                 let factor = self.model_gravity / force.norm();

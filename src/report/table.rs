@@ -101,6 +101,9 @@ fn sensor_line(alignment: &serde_json::Value) -> String {
         let removed = if flag("levelled") { "removed" } else { "not removed" };
         parts.push(format!("mounting tilt {tilt:.2} deg {removed}"));
     }
+    if flag("heading_arbitrary") {
+        parts.push("forward and left are not known: give a mount".to_owned());
+    }
     if flag("scale_refused") {
         parts.push(format!(
             "at rest it reads {:.2} m/s2: not believed",

@@ -242,17 +242,19 @@ impl Source {
 
     /// What was counted on the way.
     pub fn facts(&self) -> SourceFacts {
+        let alignment = self.pipeline.report().copied();
+        let about_mount = alignment.as_ref().and_then(AlignmentReport::note);
         SourceFacts {
             protocol: self.decoder.protocol(),
             decode: self.decoder.counters(),
             link: self.link.status(),
             imu: self.pipeline.counters(),
-            alignment: self.pipeline.report().copied(),
+            alignment,
             clock: self.pipeline.clock_mode(),
             clock_drift_ppm: self.pipeline.clock_drift_ppm(),
             sync: self.decoder.sync_estimate(),
             constant_delay: self.pipeline.constant_delay(),
-            notes: self.decoder.notes(),
+            notes: self.decoder.notes().into_iter().chain(about_mount).collect(),
         }
     }
 }
@@ -278,7 +280,7 @@ pub struct SourceFacts {
     pub sync: Option<SyncEstimate>,
     /// The delay taken off every sample, ns, and whether clock requests measured it.
     pub constant_delay: (u64, bool),
-    /// What the decoder says about the device in words.
+    /// What decoder and alignment say about the device in words.
     pub notes: Vec<String>,
 }
 

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 /// Most batches a stretch is cut into for the error of its mean.
-const BATCHES: usize = 20;
+const BATCHES: usize = 10;
 /// Fewest samples in a batch.
 const LEAST_BATCH: usize = 8;
 /// Fewest batches from which a scatter is concluded.
@@ -66,7 +66,7 @@ impl Mean {
     /// Mean of `values`; `None` for fewer than two.
     ///
     /// Of vibration and of filtered noise neighbouring samples are alike, and scatter / √count is too small. The
-    /// stretch is therefore also cut into up to 20 batches, and each axis takes the larger error of the two: that of
+    /// stretch is therefore also cut into up to 10 batches, and each axis takes the larger error of the two: that of
     /// independent samples or that of the batch means (Law & Kelton, *Simulation Modeling and Analysis*, section 9.5.3).
     pub fn of(values: &[Vector3<f64>]) -> Option<Self> {
         let count = values.len();

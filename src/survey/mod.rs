@@ -15,7 +15,7 @@ pub use force::{Scales, TurningForce};
 pub use mean::{Estimate, Mean, VectorEstimate, coverage_factor};
 pub use plateau::Plateau;
 pub use segments::{Movement, MovementKind, Segments, Span};
-pub use turning::{Bias, Turning};
+pub use turning::{Bias, TRUSTED_GAP_S, Turning};
 
 /// Most samples that are held: about half an hour at 1 kHz, 130 MB.
 pub const MAX_SAMPLES: usize = 2_000_000;
@@ -83,6 +83,12 @@ pub fn median(values: &mut [f64]) -> f64 {
 /// Angle between two directions, rad, 0 to pi; zero if one of them has no length.
 pub fn angle_between(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
     libm::atan2(a.cross(b).norm(), a.dot(b))
+}
+
+/// Angle between a direction and an axis whose sense does not count, rad, 0 to a quarter turn.
+pub fn angle_to_line(direction: &Vector3<f64>, line: &Vector3<f64>) -> f64 {
+    let angle = angle_between(direction, line);
+    angle.min(core::f64::consts::PI - angle)
 }
 
 #[cfg(test)]

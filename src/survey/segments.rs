@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
-use super::{Bias, Sample, Turning, median};
+use super::{Bias, Mean, Sample, Turning, median};
 use crate::imu::{ImuSample, MIN_REST_SAMPLES, RestDetector, RestLimits};
 use crate::time::HostTime;
 use crate::units::RAD_PER_DEG;
@@ -16,6 +16,9 @@ const TRIM_S: f64 = 0.2;
 /// Windows at the ends of a rest whose mean rate is further from the others' than this many standard deviations of
 /// theirs belong to a movement.
 const ONSET_SIGMAS: f64 = 4.0;
+/// After a pause of the data of this length nobody knows what happened in it, s: it ends a rest, and a movement back and
+/// forth with such a pause in it is none that is measured.
+const PAUSE_S: f64 = 1.0;
 /// A spin turns at least this far, rad, ...
 const LEAST_SPIN: f64 = 90.0 * RAD_PER_DEG;
 /// ... and so much of its path in one direction.
@@ -60,6 +63,22 @@ impl Span {
     pub fn duration_s(self, samples: &[Sample]) -> f64 {
         let (start_s, end_s) = self.times_s(samples);
         end_s - start_s
+    }
+
+    /// The rates as read, rad/s.
+    pub fn omegas(self, samples: &[Sample]) -> Vec<Vector3<f64>> {
+        self.of(samples).iter().map(|sample| sample.omega_imu).collect()
+    }
+
+    /// The specific forces as read, m/s², without the samples that have none.
+    pub fn specific_forces(self, samples: &[Sample]) -> Vec<Vector3<f64>> {
+        self.of(samples).iter().filter_map(|sample| sample.specific_force_imu).collect()
+    }
+
+    /// Longest interval between two of its samples, s.
+    pub fn longest_gap_s(self, samples: &[Sample]) -> f64 {
+        let pairs = self.of(samples).windows(2);
+        pairs.map(|pair| pair[1].time_s - pair[0].time_s).fold(0.0, f64::max)
     }
 }
 
@@ -121,10 +140,29 @@ impl Segments {
         Self { rests, movements }
     }
 
+    /// The spins, in the order of time.
+    pub fn spins(&self) -> impl Iterator<Item = &Movement> {
+        self.movements.iter().filter(|movement| movement.kind == MovementKind::Spin)
+    }
+
     /// The spin that turns furthest.
     pub fn longest_spin(&self) -> Option<&Movement> {
-        let spins = self.movements.iter().filter(|movement| movement.kind == MovementKind::Spin);
-        spins.max_by(|a, b| a.turning.angle.norm().total_cmp(&b.turning.angle.norm()))
+        self.spins().max_by(|a, b| a.turning.angle.norm().total_cmp(&b.turning.angle.norm()))
+    }
+
+    /// The rests next to `movement`, in the order of time.
+    pub fn rests_around(&self, movement: &Movement) -> impl Iterator<Item = Span> + use<'_> {
+        [movement.rest_before, movement.rest_after].into_iter().flatten().map(|rest| self.rests[rest])
+    }
+
+    /// Covariance of the gyro bias that was taken off `movement`, (rad/s)²: of the mean of both rests, or of the only
+    /// one. Zero without a rest.
+    pub fn bias_covariance(&self, samples: &[Sample], movement: &Movement) -> Matrix3<f64> {
+        let means: Vec<Matrix3<f64>> = self
+            .rests_around(movement)
+            .filter_map(|rest| Some(Mean::of(&rest.omegas(samples))?.covariance))
+            .collect();
+        means.iter().sum::<Matrix3<f64>>() / (means.len() * means.len()).max(1) as f64
     }
 }
 
@@ -146,11 +184,14 @@ pub(super) fn is_quiet(samples: &[Sample], limits: &RestLimits) -> bool {
 fn rests(samples: &[Sample], limits: &RestLimits) -> Vec<Span> {
     let mut runs: Vec<Vec<Span>> = Vec::new();
     for window in windows(samples, WINDOW_S, MIN_REST_SAMPLES as usize) {
-        if !is_quiet(window.of(samples), limits) {
+        if !is_quiet(window.of(samples), limits) || window.longest_gap_s(samples) > PAUSE_S {
             continue;
         }
+        let goes_on = |last: &Span| {
+            last.end == window.first && samples[window.first].time_s - samples[last.end - 1].time_s <= PAUSE_S
+        };
         match runs.last_mut() {
-            Some(run) if run.last().is_some_and(|last| last.end == window.first) => run.push(window),
+            Some(run) if run.last().is_some_and(goes_on) => run.push(window),
             _ => runs.push(vec![window]),
         }
     }
@@ -166,10 +207,7 @@ fn rests(samples: &[Sample], limits: &RestLimits) -> Vec<Span> {
 fn without_onsets(samples: &[Sample], run: &[Span]) -> Option<Span> {
     let means: Vec<Vector3<f64>> = run
         .iter()
-        .map(|window| {
-            let rates = window.of(samples).iter().map(|sample| sample.omega_imu);
-            rates.sum::<Vector3<f64>>() / window.count() as f64
-        })
+        .map(|window| window.omegas(samples).iter().sum::<Vector3<f64>>() / window.count() as f64)
         .collect();
     let middle = Vector3::from_fn(|i, _| median(&mut means.iter().map(|mean| mean[i]).collect::<Vec<_>>()));
     // 1.4826 times the median deviation is the standard deviation of a normal scatter. Of few windows it may come out
@@ -229,8 +267,8 @@ fn movement(
 ) -> Movement {
     let bias_of = |rest: usize| {
         let (start_s, end_s) = rests[rest].times_s(samples);
-        let rates = rests[rest].of(samples).iter().map(|sample| sample.omega_imu);
-        (0.5 * (start_s + end_s), rates.sum::<Vector3<f64>>() / rests[rest].count().max(1) as f64)
+        let sum: Vector3<f64> = rests[rest].omegas(samples).iter().sum();
+        (0.5 * (start_s + end_s), sum / rests[rest].count().max(1) as f64)
     };
     let bias = Bias { before: rest_before.map(bias_of), after: rest_after.map(bias_of) };
     let turning = Turning::over(samples, span, &bias);
@@ -238,7 +276,10 @@ fn movement(
     let net = turning.angle.norm();
     let kind = if net >= LEAST_SPIN && net >= SPIN_SHARE * turning.path {
         MovementKind::Spin
-    } else if turning.path >= LEAST_ROCKING && net <= ROCKING_SHARE * turning.path && purity >= ROCKING_PURITY
+    } else if turning.path >= LEAST_ROCKING
+        && net <= ROCKING_SHARE * turning.path
+        && purity >= ROCKING_PURITY
+        && span.longest_gap_s(samples) <= PAUSE_S
     {
         MovementKind::Rocking
     } else {

@@ -127,3 +127,24 @@ fn a_bias_goes_on_a_line_from_rest_to_rest() {
     assert_eq!(Bias::default().at(1.0), Vector3::zeros());
     assert!(bias.is_known() && !Bias::default().is_known());
 }
+
+#[test]
+fn a_pause_of_the_data_ends_a_rest_and_spoils_a_nod() {
+    let rocking = |t: f64| {
+        if (2.0..6.0).contains(&t) { libm::sin(core::f64::consts::TAU * (t - 2.0) / 2.0) } else { 0.0 }
+    };
+    let whole = turning(10.0, rocking);
+    let without = |from_s: f64, to_s: f64| -> Segments {
+        let kept: Vec<Sample> =
+            whole.iter().copied().filter(|s| !(from_s..to_s).contains(&s.time_s)).collect();
+        Segments::find(&kept, &RestLimits::default())
+    };
+    // From the first rest right into the second: nobody knows what happened.
+    let segments = without(1.5, 7.0);
+    assert_eq!((segments.rests.len(), segments.movements.len()), (2, 1));
+    assert_eq!(segments.movements[0].kind, MovementKind::Other);
+    assert_eq!(without(3.5, 4.8).movements[0].kind, MovementKind::Other);
+    // Some lost samples are no pause.
+    assert_eq!(without(3.5, 3.8).movements[0].kind, MovementKind::Rocking);
+    assert_eq!(without(8.0, 8.5).rests.len(), 2);
+}

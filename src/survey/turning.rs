@@ -4,6 +4,9 @@ use nalgebra::Vector3;
 
 use super::{Sample, Span};
 
+/// Longest pause of the data within a movement whose integral is trusted, s.
+pub const TRUSTED_GAP_S: f64 = 0.25;
+
 /// The gyro bias over a movement: between two rests it drifts on a straight line.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Bias {

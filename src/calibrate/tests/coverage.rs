@@ -6,10 +6,10 @@ use super::bench::{Truth, small_turn};
 use crate::calibrate::{CalibrateSettings, CountedTurn, Findings, Up, calibrate};
 use crate::device::Noise;
 use crate::imu::RestLimits;
-use crate::survey::{VectorEstimate, angle_between};
+use crate::survey::{Sample, VectorEstimate, angle_between};
 use crate::units::{DEG_PER_RAD, RAD_PER_DEG, STANDARD_GRAVITY};
 
-const SEEDS: u64 = 100;
+pub(super) const SEEDS: u64 = 100;
 /// Standard deviation of a counted turn.
 const COUNTING_SIGMA: f64 = 0.3 * RAD_PER_DEG;
 
@@ -19,6 +19,7 @@ pub(super) fn settings(counted: Option<CountedTurn>) -> CalibrateSettings {
         counted,
         up: Up::Spin,
         forward_imu: None,
+        poses: None,
         rest: RestLimits::default(),
     }
 }
@@ -46,16 +47,37 @@ impl Record {
 }
 
 #[derive(Default)]
-struct Records(std::collections::BTreeMap<String, Record>);
+pub(super) struct Records(std::collections::BTreeMap<String, Record>);
 
 impl Records {
-    fn add(&mut self, name: &str, error: f64, sigma: f64) {
+    pub(super) fn add(&mut self, name: &str, error: f64, sigma: f64) {
         self.0.entry(name.to_owned()).or_default().0.push((error, sigma));
     }
 
-    fn add_vector(&mut self, name: &str, found: &VectorEstimate, truth: &Vector3<f64>) {
+    pub(super) fn add_vector(&mut self, name: &str, found: &VectorEstimate, truth: &Vector3<f64>) {
         for (i, axis) in ["x", "y", "z"].iter().enumerate() {
             self.add(&format!("{name} {axis}"), found.value[i] - truth[i], found.sigma[i]);
+        }
+    }
+}
+
+impl Records {
+    /// Every one of at least `least` quantities holds the truth in 90 of 100 seeds, and is not stated `widest` times as
+    /// wide as it is.
+    pub(super) fn check(&self, least: usize, widest: f64) {
+        assert!(self.0.len() >= least, "{} quantities", self.0.len());
+        for (name, record) in &self.0 {
+            let (covered, ratio) = (record.covered(), record.rms_sigma() / record.rms_error());
+            println!(
+                "{name:24} {covered:3} covered, rms error {:.2e}, sigma/error {ratio:.2}",
+                record.rms_error()
+            );
+        }
+        for (name, record) in &self.0 {
+            let (covered, ratio) = (record.covered(), record.rms_sigma() / record.rms_error());
+            assert_eq!(record.0.len() as u64, SEEDS, "{name}");
+            assert!(covered >= 90, "{name}: {covered} of {SEEDS} within two standard uncertainties");
+            assert!(ratio < widest, "{name}: stated {ratio:.2} times as wide as it is");
         }
     }
 }
@@ -134,18 +156,40 @@ fn error_bars_hold_the_truth_in_95_of_100_cases_and_are_not_wide() {
     let mount = records.0.remove("mount").unwrap();
     assert!(mount.worst() < 0.5, "mount off by {} deg", mount.worst());
     assert!(records.0["gyro scale"].worst() < 0.002, "{}", records.0["gyro scale"].worst());
-    assert!(records.0.len() >= 30);
-    for (name, record) in &records.0 {
-        let (covered, ratio) = (record.covered(), record.rms_sigma() / record.rms_error());
-        println!(
-            "{name:24} {covered:3} covered, rms error {:.2e}, sigma/error {ratio:.2}",
-            record.rms_error()
-        );
+    records.check(30, 3.0);
+}
+
+/// Noise of a gyroscope with a low-pass filter (0.9 from sample to sample) and a seat that shakes at 7 Hz while it turns.
+fn shaken(truth: &Truth, seed: u64) -> Vec<Sample> {
+    let mut noise = Noise::new(seed ^ 0xfade);
+    let mut state = Vector3::zeros();
+    let mut samples = truth.samples(seed);
+    for sample in &mut samples {
+        state = 0.9 * state + Vector3::from_fn(|_, _| 0.001 * noise.normal());
+        sample.omega_imu += state;
+        if sample.time_s > truth.spin_start_s() && sample.time_s < truth.duration_s() - truth.last_rest_s {
+            let shake = libm::sin(core::f64::consts::TAU * 7.0 * sample.time_s);
+            sample.specific_force_imu =
+                sample.specific_force_imu.map(|force| force + Vector3::new(0.5, -0.3, 0.4) * shake);
+            sample.omega_imu += Vector3::new(0.02, 0.01, -0.02) * shake;
+        }
     }
-    for (name, record) in &records.0 {
-        let (covered, ratio) = (record.covered(), record.rms_sigma() / record.rms_error());
-        assert_eq!(record.0.len() as u64, SEEDS, "{name}");
-        assert!(covered >= 90, "{name}: {covered} of {SEEDS} within two standard uncertainties");
-        assert!(ratio < 3.0, "{name}: stated {ratio:.2} times as wide as it is");
+    samples
+}
+
+#[test]
+fn error_bars_hold_with_filtered_noise_and_a_shaking_seat() {
+    let mut records = Records::default();
+    for seed in 0..SEEDS {
+        let truth = Truth { gyro_noise: 0.0005, ..Truth::random(seed) };
+        let angle = truth.turned.abs() + 0.1 * COUNTING_SIGMA * Noise::new(seed + 7000).normal();
+        let counted = CountedTurn { angle, sigma: 0.1 * COUNTING_SIGMA };
+        let found = calibrate(&shaken(&truth, seed), &settings(Some(counted)));
+        assert!(found.refusals.is_empty(), "seed {seed}: {:?}", found.refusals);
+        judge(&mut records, &truth, &found);
     }
+    // Of arm and lean a periodic shake is taken for scatter, which it is not: wide, but never short. The noise density is
+    // that of white noise.
+    records.0.retain(|name, _| name != "mount" && !name.starts_with("gyro noise density"));
+    records.check(26, 5.0);
 }

@@ -3,3 +3,4 @@
 mod bench;
 mod coverage;
 mod partial;
+mod poses;

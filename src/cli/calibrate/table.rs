@@ -67,7 +67,14 @@ impl Report<'_> {
             row(f, "specific force scale", &gravity.scale, 5)?;
             row(f, "gravity from sensor z (deg)", &gravity.tilt_from_sensor_z_deg, 3)?;
         }
-        if let Some(arm) = found.lever_arm.filter(|arm| arm.offset_written) {
+        if let Some(known) = &found.accelerometer {
+            vector(f, "accelerometer bias, sensor {} (m/s2)", &known.bias_m_s2, 4)?;
+            vector(f, "accelerometer scale {}", &known.scale, 5)?;
+            if let Some(residual) = known.residual_m_s2 {
+                writeln!(f, "{:<NAMES$}{residual:>12.4}", "  norm less gravity over the poses (m/s2)")?;
+            }
+        }
+        if let Some(arm) = found.lever_arm.filter(|arm| arm.offset_written && found.accelerometer.is_none()) {
             vector(f, "accelerometer offset across, {} (m/s2)", &arm.offset_imu_m_s2, 4)?;
         }
         Ok(())
