@@ -10,7 +10,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::assemble::{decoder, known_log, line_stamper};
+use super::assemble::{check_header, decoder, known_log, line_stamper};
 use super::decoder_flags::DecoderFlags;
 use super::failure::{Failure, FailureKind};
 use super::replay::{damage_text, open};
@@ -21,7 +21,7 @@ use crate::device::protocol::can_map::{CanMap, CanMapDecoder};
 use crate::device::protocol::detect::{CAN_MAP, TEXT, decoder_by_name, decoder_for};
 use crate::device::protocol::text::{TextDecoder, TextMapping};
 use crate::device::replay::{self, FileKind};
-use crate::device::{self, DeviceError, LinkError, Selector};
+use crate::device::{self, DeviceError, LinkError, LinkStatus, Selector};
 use crate::time::{Clock, SystemClock};
 use inspection::Inspection;
 use tally::Tally;
@@ -73,6 +73,9 @@ fn log(args: &InspectArgs) -> Result<Inspection, Failure> {
         sensor.mapping = Some(known.mapping().map_err(ConfigError::from)?);
     }
     let mut decoder = decoder(args.flags.protocol.as_deref(), &selector, &sensor)?;
+    if let (Some(mapping), Some(map_file), TEXT) = (&sensor.mapping, &config.log_map, decoder.protocol()) {
+        check_header(&args.file, mapping, map_file)?;
+    }
     if args.flags.allow_degraded {
         decoder.allow_degraded();
     }
@@ -92,11 +95,31 @@ fn log(args: &InspectArgs) -> Result<Inspection, Failure> {
     tally.finish(decoder.as_mut());
     let kind = format!("{:?}", replay::detect(&args.file)?).to_lowercase();
     let mut inspection = tally.inspection(&args.file, &kind, decoder.as_ref());
-    inspection.link.bytes_skipped += link.status().bytes_skipped;
+    let status = link.status();
+    inspection.link.bytes_skipped += status.bytes_skipped;
+    inspection.notes.extend(link_notes(&status));
     if let Some(known) = known {
         inspection.notes.push(format!("columns as in the built-in {}", known.file));
     }
     Ok(inspection)
+}
+
+/// What a link has counted, in words.
+fn link_notes(status: &LinkStatus) -> Vec<String> {
+    let mut notes = Vec::new();
+    if status.bytes_skipped > 0 {
+        let bytes = status.bytes_skipped;
+        notes.push(format!(
+            "{bytes} bytes of lines that are no data frame of classic CAN (remote, CAN FD, damaged)"
+        ));
+    }
+    if status.bus_errors > 0 {
+        let faults: Vec<String> = status.bus_faults.iter().map(|fault| fault.to_string()).collect();
+        let off =
+            if status.bus_off > 0 { format!("; bus off {} times", status.bus_off) } else { String::new() };
+        notes.push(format!("{} error frames: {}{off}", status.bus_errors, faults.join(", ")));
+    }
+    notes
 }
 
 /// A recording of ours: its ticks and events, and its raw traffic through the decoder.

@@ -182,7 +182,12 @@ impl Tally {
             notes.push("no accelerometer: tilt cannot be measured".to_owned());
         }
         if self.without_time > 0 {
-            notes.push("no device time: samples are dated by arrival".to_owned());
+            let all_at_once = self.samples > 1 && self.duration_s() == Some(0.0);
+            notes.push(if all_at_once {
+                "no time at all: neither the device nor the file dates the samples".to_owned()
+            } else {
+                "no device time: samples are dated by arrival".to_owned()
+            });
         }
         let counted = [
             (self.not_finite, "samples with values that are no numbers"),
