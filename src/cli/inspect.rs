@@ -81,7 +81,8 @@ fn log(args: &InspectArgs) -> Result<Inspection, Failure> {
     }
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::start_now());
     let mut link = device::open(&selector, &clock, sensor.mapping.as_ref().map(line_stamper))?;
-    let mut tally = args.tally();
+    let kind = replay::detect(&args.file)?;
+    let mut tally = if kind == FileKind::Raw { args.tally().without_arrivals() } else { args.tally() };
     loop {
         match link.receive(Duration::ZERO) {
             Ok(Some((at, traffic))) => tally.take(decoder.as_mut(), at, traffic),
@@ -93,8 +94,7 @@ fn log(args: &InspectArgs) -> Result<Inspection, Failure> {
         }
     }
     tally.finish(decoder.as_mut());
-    let kind = format!("{:?}", replay::detect(&args.file)?).to_lowercase();
-    let mut inspection = tally.inspection(&args.file, &kind, decoder.as_ref());
+    let mut inspection = tally.inspection(&args.file, &kind.to_string(), decoder.as_ref());
     let status = link.status();
     inspection.link.bytes_skipped += status.bytes_skipped;
     inspection.notes.extend(link_notes(&status));

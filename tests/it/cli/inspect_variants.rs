@@ -1,5 +1,7 @@
 //! `otolith inspect` on files like those at hand, but written by other versions, settings and languages.
 
+use serde_json::Value;
+
 use super::{Place, number, shipped};
 
 /// A sentence with its checksum, the XOR of all bytes between `$` and `*` (UM001).
@@ -19,6 +21,9 @@ fn sentences_of_a_device_are_a_capture_and_no_log() {
     assert_eq!((&json["kind"], &json["protocol"]), (&"raw".into(), &"vectornav".into()));
     assert_eq!((number(&json, "/samples"), number(&json, "/link/bytes_skipped")), (20.0, 11.0));
     assert!((number(&json, "/specific_force_m_s2/mean/2") + 9.797).abs() < 1e-9);
+    // How fast the line was is not how often the device measured.
+    assert_eq!((&json["rate_hz"], &json["duration_s"]), (&Value::Null, &Value::Null));
+    assert!(json["notes"].to_string().contains("no time at all"), "{}", json["notes"]);
     // Sentences of a satellite receiver are nothing that is known here.
     place.write("gps.txt", sentence("GPVTG,054.7,T,034.4,M,005.5,N,010.2,K").repeat(20));
     place.run(&["inspect", "gps.txt"]).refused(2, &["gps.txt: ", "needs a mapping"]);

@@ -79,7 +79,7 @@ fn packets_of_all_types(k: u32, unit: f32) -> [(&'static [u8; 2], Vec<u8>); 9] {
     };
     let accelerometer = whole(force, 20.0 * STANDARD_GRAVITY / 65536.0);
     let gyroscope = whole(RATE, 1260.0 / 65536.0);
-    let angles = vec![7; 6];
+    let angles = [7; 6];
     let ms = (10 * k).to_be_bytes();
     let ticks = ((655 * k) as u16).to_be_bytes();
     [
