@@ -1,5 +1,6 @@
 //! From a configuration to a source: the one place that joins link, decoder and IMU path.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use super::failure::Failure;
@@ -137,8 +138,10 @@ pub(super) fn decoder(
         check_fits(selector, CAN_MAP)?;
         return Ok(Box::new(CanMapDecoder::new(map)));
     }
-    // A mapping is given for text only: a log, or a sketch that prints lines.
-    let text_fits = text_log || matches!(selector, Selector::Serial { .. });
+    // A mapping is given for text only: a log, or a sketch that prints lines, which may begin with noise.
+    let text_fits = text_log
+        || matches!(selector, Selector::Serial { .. })
+        || file_kind(selector)? == Some(FileKind::Raw);
     match (protocol, &sensor.mapping) {
         (Some(TEXT), Some(mapping)) => {
             check_fits(selector, TEXT)?;
@@ -175,18 +178,29 @@ pub(super) fn known_log(config: &Config, selector: &Selector) -> Result<Option<K
     if config.log_map.is_some() || !text_may_be_meant || !is_text_log(selector)? {
         return Ok(None);
     }
-    let found = text::known_log(&path.display().to_string(), &replay::first_line(path)?);
+    let found = text::known_log(&path.display().to_string(), &replay::start(path)?);
     Ok(found.map_err(ConfigError::from)?)
 }
 
 /// Whether the device is a log of text lines.
 fn is_text_log(selector: &Selector) -> Result<bool, DeviceError> {
-    let Selector::Replay { path, kind, .. } = selector else { return Ok(false) };
-    let kind = match kind {
+    Ok(file_kind(selector)? == Some(FileKind::Text))
+}
+
+/// What kind of file the device is, if it is one.
+fn file_kind(selector: &Selector) -> Result<Option<FileKind>, DeviceError> {
+    let Selector::Replay { path, kind, .. } = selector else { return Ok(None) };
+    Ok(Some(match kind {
         Some(kind) => *kind,
         None => replay::detect(path)?,
-    };
-    Ok(kind == FileKind::Text)
+    }))
+}
+
+/// Holds the header of a text log against the mapping that was named for it: without its columns every row would be a
+/// bad one.
+pub(super) fn check_header(log: &Path, mapping: &TextMapping, map_file: &Path) -> Result<(), Failure> {
+    let (log_name, map_name) = (log.display().to_string(), map_file.display().to_string());
+    Ok(mapping.check_header(&log_name, &map_name, &replay::start(log)?).map_err(ConfigError::from)?)
 }
 
 /// Holds a text log against its mapping: a missing column or a value that is no number is an error before the run,

@@ -10,7 +10,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::assemble::{decoder, known_log, line_stamper};
+use super::assemble::{check_header, decoder, known_log, line_stamper};
 use super::decoder_flags::DecoderFlags;
 use super::failure::{Failure, FailureKind};
 use super::replay::{damage_text, open};
@@ -73,12 +73,16 @@ fn log(args: &InspectArgs) -> Result<Inspection, Failure> {
         sensor.mapping = Some(known.mapping().map_err(ConfigError::from)?);
     }
     let mut decoder = decoder(args.flags.protocol.as_deref(), &selector, &sensor)?;
+    if let (Some(mapping), Some(map_file), TEXT) = (&sensor.mapping, &config.log_map, decoder.protocol()) {
+        check_header(&args.file, mapping, map_file)?;
+    }
     if args.flags.allow_degraded {
         decoder.allow_degraded();
     }
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::start_now());
     let mut link = device::open(&selector, &clock, sensor.mapping.as_ref().map(line_stamper))?;
-    let mut tally = args.tally();
+    let kind = replay::detect(&args.file)?;
+    let mut tally = if kind == FileKind::Raw { args.tally().without_arrivals() } else { args.tally() };
     loop {
         match link.receive(Duration::ZERO) {
             Ok(Some((at, traffic))) => tally.take(decoder.as_mut(), at, traffic),
@@ -90,12 +94,31 @@ fn log(args: &InspectArgs) -> Result<Inspection, Failure> {
         }
     }
     tally.finish(decoder.as_mut());
-    let kind = format!("{:?}", replay::detect(&args.file)?).to_lowercase();
-    let mut inspection = tally.inspection(&args.file, &kind, decoder.as_ref(), &link.status());
+    let status = link.status();
+    let mut inspection = tally.inspection(&args.file, &kind.to_string(), decoder.as_ref(), &status);
+    inspection.notes.extend(link_notes(&status));
     if let Some(known) = known {
         inspection.notes.push(format!("columns as in the built-in {}", known.file));
     }
     Ok(inspection)
+}
+
+/// What a link has counted, in words.
+fn link_notes(status: &LinkStatus) -> Vec<String> {
+    let mut notes = Vec::new();
+    if status.bytes_skipped > 0 {
+        let bytes = status.bytes_skipped;
+        notes.push(format!(
+            "{bytes} bytes of lines that are no data frame of classic CAN (remote, CAN FD, damaged)"
+        ));
+    }
+    if status.bus_errors > 0 {
+        let faults: Vec<String> = status.bus_faults.iter().map(|fault| fault.to_string()).collect();
+        let off =
+            if status.bus_off > 0 { format!("; bus off {} times", status.bus_off) } else { String::new() };
+        notes.push(format!("{} error frames: {}{off}", status.bus_errors, faults.join(", ")));
+    }
+    notes
 }
 
 /// A recording of ours: its ticks and events, and its raw traffic through the decoder.

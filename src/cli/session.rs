@@ -127,7 +127,7 @@ impl Session {
         let mut models = BTreeMap::from([(name, text)]);
         models.extend(self.config.sensor_texts()?);
         if let Some(known) = known_log(&self.config, &self.selector)? {
-            models.insert(SENSOR_LOG_MAP.to_owned(), known.text.to_owned());
+            models.insert(SENSOR_LOG_MAP.to_owned(), known.mapping_text());
         }
         let header = RecordingHeader::new(config.to_toml(), models, build_fingerprint());
         Ok(Some(Recorder::create(path, self.force, &header)?))

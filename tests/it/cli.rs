@@ -10,6 +10,7 @@ mod devices;
 mod doctor;
 mod inspect;
 mod inspect_logs;
+mod inspect_variants;
 mod logs;
 mod perceive;
 mod recording;

@@ -28,6 +28,8 @@ pub(super) struct Tally {
     last_time: Option<DeviceTime>,
     /// Time by the device's clock since its first sample, µs.
     device_us: i64,
+    /// Nothing but the device dates the samples: the traffic is a raw capture.
+    without_arrivals: bool,
     /// Intervals between samples, by the device's clock where both have one, else by arrival.
     intervals: Intervals,
     /// Arrival of the last piece.
@@ -68,6 +70,12 @@ impl Tally {
         Self { bus: BusCensus::trying_maps(), ..Self::default() }
     }
 
+    /// The same for a raw capture, whose bytes have no time of arrival.
+    #[must_use]
+    pub(super) fn without_arrivals(self) -> Self {
+        Self { without_arrivals: true, ..self }
+    }
+
     /// Shows a piece of traffic that arrived at `at` to the decoder and takes its readings.
     pub(super) fn take(&mut self, decoder: &mut dyn PacketDecoder, at: HostTime, traffic: Traffic<'_>) {
         self.last_at = at;
@@ -83,7 +91,8 @@ impl Tally {
 
     fn reading(&mut self, at: HostTime, reading: &ImuReading) {
         self.samples += 1;
-        let arrival_s = self.arrivals.map(|(_, last)| at.saturating_since(last).as_secs_f64());
+        let last = self.arrivals.filter(|_| !self.without_arrivals).map(|(_, last)| last);
+        let arrival_s = last.map(|last| at.saturating_since(last).as_secs_f64());
         self.arrivals = Some((self.arrivals.map_or(at, |(first, _)| first), at));
         self.clipped += u64::from(reading.clipped);
         let values = reading.omega_imu.iter().chain(reading.specific_force_imu.iter().flatten());
@@ -116,11 +125,15 @@ impl Tally {
         Some(step_us as f64 * 1e-6)
     }
 
-    /// From the first sample to the last, by the device's clock if every sample carries it, else by arrival.
-    fn duration_s(&self) -> Option<f64> {
+    /// Time from the first sample to the last, s, and how many they are: by the device's clock if every sample carries
+    /// it, else by arrival, and without that the samples that carry it.
+    fn span(&self) -> Option<(f64, u64)> {
         let (first, last) = self.arrivals?;
-        let by_arrival = last.saturating_since(first).as_secs_f64();
-        Some(if self.without_time > 0 { by_arrival } else { self.device_us as f64 * 1e-6 })
+        let dated = self.samples - self.without_time;
+        if self.without_time == 0 || (self.without_arrivals && dated > 1) {
+            return Some((self.device_us as f64 * 1e-6, dated));
+        }
+        (!self.without_arrivals).then(|| (last.saturating_since(first).as_secs_f64(), self.samples))
     }
 
     /// What was found; `link` is what the file's reader has counted.
@@ -138,8 +151,8 @@ impl Tally {
         if let Some(can) = can.as_mut().filter(|_| self.samples > 0) {
             (can.fitting_maps, can.partly_known) = (Vec::new(), Vec::new());
         }
-        let duration_s = self.duration_s();
-        let rate_hz = duration_s.filter(|s| *s > 0.0).map(|s| self.samples.saturating_sub(1) as f64 / s);
+        let span = self.span();
+        let rate_hz = span.filter(|(s, _)| *s > 0.0).map(|(s, samples)| samples.saturating_sub(1) as f64 / s);
         Inspection {
             file: file.display().to_string(),
             kind: kind.to_owned(),
@@ -153,7 +166,7 @@ impl Tally {
                 dropped: counters.device_dropped,
             },
             samples: self.samples,
-            duration_s,
+            duration_s: span.map(|(s, _)| s),
             rate_hz,
             omega_rad_s: self.omega.range(),
             specific_force_m_s2: self.force.range(),
@@ -191,7 +204,14 @@ impl Tally {
             notes.push("no accelerometer: tilt cannot be measured".to_owned());
         }
         if self.without_time > 0 {
-            notes.push("no device time: samples are dated by arrival".to_owned());
+            let all_at_once = self.samples > 1 && self.span().is_none_or(|(s, _)| s == 0.0);
+            notes.push(if all_at_once {
+                "no time at all: neither the device nor the file dates the samples".to_owned()
+            } else if self.without_arrivals {
+                format!("{} samples have no device time, and the file has none either", self.without_time)
+            } else {
+                "no device time: samples are dated by arrival".to_owned()
+            });
         }
         // Of a bus that nobody understands everything is said above.
         let unknown_packets = if decoder.protocol() == "unknown" { 0 } else { counters.unknown };

@@ -87,9 +87,15 @@ impl NumberLines {
     }
 }
 
-/// Numbers between separators, finite ones only.
+/// Numbers between separators, finite ones only. None in a sentence of NMEA 0183, `$...*hh`: a satellite receiver sends
+/// such lines, and they hold positions.
 fn numbers_in(line: &[u8]) -> usize {
     let Ok(line) = std::str::from_utf8(line) else { return 0 };
+    let is_sentence =
+        line.starts_with(['$', '!']) && line.trim_end().rsplit('*').next().is_some_and(|sum| sum.len() == 2);
+    if is_sentence {
+        return 0;
+    }
     let words = line.split([',', ';', '\t', ' ', '\r']);
     words.filter(|word| word.parse::<f64>().is_ok_and(f64::is_finite)).count()
 }
@@ -112,6 +118,8 @@ mod tests {
         assert_eq!(columns("x\n1 2 3\n1 2 3\n1 2 3\n1 2 3\n"), None, "too few numbers");
         assert_eq!(columns("x\n1 2 3 4\n1 2 3 4 5\n1 2 3 4\n1 2 3 4 5\n"), None, "not the same count");
         assert_eq!(columns("x\n1 2 3 4\n1 2 3 4\n1 2 \u{1}3 4\n1 2 3 4\n1 2 3 4\n"), None, "not printable");
+        let position = "$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n";
+        assert_eq!(columns(&position.repeat(5)), None, "a satellite receiver");
         assert_eq!(columns("x\nnan 2 3 4\nnan 2 3 4\nnan 2 3 4\n"), None);
     }
 

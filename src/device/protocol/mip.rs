@@ -94,6 +94,7 @@ struct Content {
     refusals: u64,
     last_refusal: Option<Refusal>,
     sensor_packets: u64,
+    filter_packets: u64,
     seen_omega: bool,
     seen_force: bool,
     seen_increments: bool,
@@ -108,6 +109,8 @@ impl Content {
             self.take_sensors(packet, frame.len(), on_reading);
         } else if frame::is_command_set(packet.set) {
             self.take_answers(packet);
+        } else if packet.set == frame::FILTER_DATA {
+            self.filter_packets += 1;
         } else if !frame::is_known_set(packet.set) {
             self.unreadable += 1;
         }
@@ -179,6 +182,13 @@ impl Content {
                 "the device refused command {set:02X}/{command:02X}: {code:#04x}, {}",
                 error_text(code)
             ));
+        }
+        if self.sensor_packets == 0 && self.filter_packets > 0 {
+            notes.push(
+                "estimates of the filter (set 82) only: put acceleration (04), angular rate (05) and reference time (D5) of \
+                 set 80 into the message format"
+                    .to_owned(),
+            );
         }
         let instead = if self.seen_increments { "increments (07, 08) only" } else { "no such data" };
         for (seen, what) in [(self.seen_omega, "angular rate (05)"), (self.seen_force, "acceleration (04)")] {

@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use super::Traffic;
 
 pub mod bno08x_rvc;
+mod calendar;
 pub mod can_map;
 mod crc;
 mod dead_band;

@@ -16,6 +16,7 @@ pub use known::{KNOWN_LOGS, KnownLog, known_log};
 pub use mapping::TextMapping;
 pub use row::LineTimes;
 
+pub(in crate::device) use row::BYTE_ORDER_MARK;
 use row::{Line, RowReader, is_text};
 
 use super::{DecodeCounters, DeviceTime, ImuReading, PacketDecoder};

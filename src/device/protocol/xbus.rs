@@ -17,6 +17,7 @@
 //! | DID | what | used as |
 //! |---|---|---|
 //! | 1020 | PacketCounter u16, counts every MTData2 | loss |
+//! | 1010 | UtcTime u32 ns, u16 year, u8 month, day, hour, minute, second, flags | device time without 1060 |
 //! | 1060 | SampleTimeFine u32, 100 µs | device time, of packets with a sample alone: in GNSS packets it is another time |
 //! | 4020, 4040 | acceleration 3 × m/s² (4040: high rate) | specific force |
 //! | 8020, 8040 | rate of turn 3 × rad/s (8040: high rate) | angular velocity |
@@ -30,10 +31,11 @@
 
 use nalgebra::Vector3;
 
+use super::calendar::Moment;
 use super::frames::FrameScanner;
 use super::halves::Halves;
 use super::period::PeriodWatch;
-use super::{DecodeCounters, ImuReading, PacketDecoder};
+use super::{DecodeCounters, DeviceTime, ImuReading, PacketDecoder};
 use crate::device::Traffic;
 
 mod clock;
@@ -76,6 +78,7 @@ impl XbusDecoder {
 struct Packet {
     counter: Option<u16>,
     ticks: Option<u32>,
+    utc_us: Option<u64>,
     omega: Option<Vector3<f64>>,
     force: Option<Vector3<f64>>,
     clipped: bool,
@@ -98,6 +101,8 @@ struct Seen {
 struct Content {
     halves: Halves,
     clock: SampleClock,
+    /// UTC at the last sample of a device without the other clock.
+    utc: Option<DeviceTime>,
     /// Packet counter of the last packet.
     counter: Option<u16>,
     /// Packets that are missing by the counter.
@@ -136,12 +141,21 @@ impl Content {
         let packet = self.read(data);
         let motion = self.halves.join(packet.omega, packet.force);
         // Only a packet of the inertial sensors carries the time of this sample.
-        let ticks = packet.ticks.filter(|_| motion.is_some());
-        let (device_time, step_us) = ticks.map(|ticks| self.clock.take(ticks)).unzip();
+        let (device_time, step_us) = motion.and_then(|_| self.time(&packet)).unzip();
         self.count(packet.counter, step_us);
         let Some((omega_imu, specific_force_imu)) = motion else { return };
         self.bytes_per_sample = Some(wire_bytes);
         on_reading(ImuReading { device_time, omega_imu, specific_force_imu, clipped: packet.clipped });
+    }
+
+    /// Time of a sample, with the step from the sample before, µs.
+    fn time(&mut self, packet: &Packet) -> Option<(DeviceTime, i64)> {
+        if let Some(ticks) = packet.ticks {
+            return Some(self.clock.take(ticks));
+        }
+        let time = DeviceTime { micros: packet.utc_us?, wraps_after_us: None };
+        let step_us = self.utc.replace(time).map_or(0, |last| time.micros_since(last));
+        Some((time, step_us))
     }
 
     fn read(&mut self, data: &[u8]) -> Packet {
@@ -153,6 +167,7 @@ impl Content {
                     packet.counter = item.data.first_chunk().map(|bytes| u16::from_be_bytes(*bytes));
                 }
                 kind::SAMPLE_TIME_FINE => packet.ticks = word(item.data),
+                kind::UTC_TIME => packet.utc_us = utc_us(item.data),
                 kind::STATUS_WORD => {
                     packet.clipped = word(item.data).is_some_and(|word| word & CLIPPED != 0);
                 }
@@ -224,6 +239,14 @@ impl Content {
 
 fn word(data: &[u8]) -> Option<u32> {
     data.first_chunk().map(|bytes| u32::from_be_bytes(*bytes))
+}
+
+/// UtcTime as µs since 2000, whether or not it has been set by a satellite receiver: it goes on evenly either way.
+fn utc_us(data: &[u8]) -> Option<u64> {
+    let &[n3, n2, n1, n0, y1, y0, month, day, hour, minute, second, _flags] = data else { return None };
+    let year = u8::try_from(u16::from_be_bytes([y1, y0]).checked_sub(2000)?).ok()?;
+    let micros = u32::from_be_bytes([n3, n2, n1, n0]) / 1000;
+    Moment { year, month, day, hour, minute, second, micros }.micros_since_2000()
 }
 
 /// What an error message of the device says.

@@ -1,95 +1,37 @@
-//! candump logs: `(1616161616.123456) can0 3A0#000000005C0F6400`, one frame per line.
+//! What `candump` writes, one frame per line; see [`parse_candump_line`].
 
 use std::io::BufRead;
 use std::time::Duration;
 
+mod line;
+
 use super::{RelativeStamps, is_cut, read_line};
 use crate::device::{Link, LinkError, LinkStatus, Traffic};
 use crate::time::HostTime;
+pub use line::{CandumpRecord, parse_candump_line};
 
-/// One data frame or error frame of a candump log.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct CandumpRecord {
-    /// Stamp, ns since the Unix epoch.
-    pub stamp_ns: u64,
-    /// Identifier without flag bits.
-    pub id: u32,
-    /// True for a 29-bit identifier.
-    pub extended: bool,
-    /// True for an error frame of the controller instead of a frame of the bus.
-    pub error: bool,
-    data: [u8; 8],
-    length: usize,
+/// Stamps below are no time of day but begin with the log, ns: `candump -t z` and `-t d`.
+const LATEST_FROM_START_NS: u64 = 1_000_000_000_000_000;
+
+/// Whether the stamps in the first bytes of a log are the times since the frame before (`candump -t d`), not since the
+/// first frame (`-t z`): those go forward nearly always.
+pub(super) fn has_delta_stamps(start: &[u8]) -> bool {
+    let lines = start.split(|byte| *byte == b'\n').filter_map(parse_candump_line);
+    let stamps: Vec<u64> = lines.filter_map(|frame| frame.stamp_ns).collect();
+    let steps = stamps.windows(2).skip(1);
+    let not_ahead = steps.clone().filter(|pair| pair[1] <= pair[0]).count();
+    stamps.iter().all(|stamp| *stamp < LATEST_FROM_START_NS) && 4 * not_ahead > steps.len()
 }
 
-impl CandumpRecord {
-    /// Payload, at most 8 bytes.
-    pub fn data(&self) -> &[u8] {
-        &self.data[..self.length]
-    }
-}
-
-/// Flag of an error frame in the identifier field of a log (`CAN_ERR_FLAG`).
-const ERROR_FLAG: u32 = 0x2000_0000;
-
-/// Reads one line of a log of `candump -l` or `-L`, with or without its end.
-///
-/// Three identifier digits mean 11 bit, eight mean 29 bit. `None` for anything else: damaged lines, remote frames
-/// (they carry no data) and CAN FD. The stamp may have 1 to 9 decimals. A direction mark after the frame is allowed.
-///
-/// Written here because the parser of `socketcan` exists on Linux only and stops at the first bad line.
-pub fn parse_candump_line(line: &[u8]) -> Option<CandumpRecord> {
-    let mut fields = std::str::from_utf8(line).ok()?.split_ascii_whitespace();
-    let stamp = fields.next()?.strip_prefix('(')?.strip_suffix(')')?;
-    let _interface = fields.next()?;
-    let (id, payload) = fields.next()?.split_once('#')?;
-    if !matches!(fields.next(), None | Some("R" | "T")) {
-        return None;
-    }
-    let (word, extended) = (hex(id)?, id.len() == 8);
-    let id_fits = match id.len() {
-        3 => word <= 0x7FF,
-        8 => word < 2 * ERROR_FLAG,
-        _ => false,
-    };
-    if !id_fits || payload.len() > 16 || payload.len() % 2 != 0 {
-        return None;
-    }
-    let mut data = [0; 8];
-    for (byte, digits) in data.iter_mut().zip(payload.as_bytes().chunks(2)) {
-        *byte = u8::try_from(hex(std::str::from_utf8(digits).ok()?)?).ok()?;
-    }
-    let error = extended && word & ERROR_FLAG != 0;
-    let id = if error { word & !ERROR_FLAG } else { word };
-    Some(CandumpRecord { stamp_ns: stamp_ns(stamp)?, id, extended, error, data, length: payload.len() / 2 })
-}
-
-/// Hexadecimal digits only: `from_str_radix` alone would also take a sign.
-fn hex(digits: &str) -> Option<u32> {
-    let all_hex = digits.bytes().all(|byte| byte.is_ascii_hexdigit());
-    u32::from_str_radix(digits, 16).ok().filter(|_| all_hex)
-}
-
-fn stamp_ns(stamp: &str) -> Option<u64> {
-    let (seconds, decimals) = stamp.split_once('.')?;
-    if !(1..=9).contains(&decimals.len()) || !decimals.bytes().all(|byte| byte.is_ascii_digit()) {
-        return None;
-    }
-    let scale = 10u64.pow(9 - decimals.len() as u32);
-    seconds
-        .parse::<u64>()
-        .ok()?
-        .checked_mul(1_000_000_000)?
-        .checked_add(decimals.parse::<u64>().ok()? * scale)
-}
-
-/// Plays a candump log. Lines that are no frame are skipped and their bytes counted, a last one that was cut for itself;
-/// error frames are counted by what they say.
+/// Plays a candump log. Lines that are no data frame of classic CAN are skipped and their bytes counted, a last one that
+/// was cut for itself; error frames are counted by what they say. A frame without a stamp has the time of the one before.
 #[derive(Debug)]
 pub struct CandumpReplay<R> {
     name: String,
     reader: R,
     stamps: RelativeStamps,
+    /// Time of the last frame by stamps that are times since the frame before, ns; `None` where they are not.
+    sum_ns: Option<u64>,
     line: Vec<u8>,
     frame: CandumpRecord,
     status: LinkStatus,
@@ -98,10 +40,29 @@ pub struct CandumpReplay<R> {
 impl<R: BufRead + Send> CandumpReplay<R> {
     /// Plays `reader`; `name` is for error texts.
     pub fn new(name: String, reader: R) -> Self {
-        let frame =
-            CandumpRecord { stamp_ns: 0, id: 0, extended: false, error: false, data: [0; 8], length: 0 };
-        let (stamps, status) = (RelativeStamps::default(), LinkStatus::default());
-        Self { name, reader, stamps, line: Vec::new(), frame, status }
+        Self {
+            name,
+            reader,
+            stamps: RelativeStamps::default(),
+            sum_ns: None,
+            line: Vec::new(),
+            frame: CandumpRecord::default(),
+            status: LinkStatus::default(),
+        }
+    }
+
+    /// Takes stamps as times since the frame before, as `candump -t d` writes them.
+    #[must_use]
+    pub fn with_delta_stamps(self) -> Self {
+        Self { sum_ns: Some(0), ..self }
+    }
+
+    /// Time of a frame in the replay.
+    fn at(&mut self, stamp_ns: Option<u64>) -> HostTime {
+        if let (Some(sum_ns), Some(step_ns)) = (&mut self.sum_ns, stamp_ns) {
+            *sum_ns = sum_ns.saturating_add(step_ns);
+        }
+        self.stamps.at(self.sum_ns.or(stamp_ns))
     }
 }
 
@@ -115,7 +76,7 @@ impl<R: BufRead + Send> Link for CandumpReplay<R> {
                 Some(frame) => {
                     self.status.note_data_frame();
                     self.frame = frame;
-                    let at = self.stamps.at(Some(frame.stamp_ns));
+                    let at = self.at(frame.stamp_ns);
                     let CandumpRecord { id, extended, .. } = frame;
                     return Ok(Some((at, Traffic::CanFrame { id, extended, data: self.frame.data() })));
                 }

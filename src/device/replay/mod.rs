@@ -9,6 +9,7 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
 
+use super::protocol::vectornav;
 use super::{DeviceError, Link, LinkError};
 use crate::time::HostTime;
 
@@ -30,9 +31,9 @@ pub type LineStamper = Box<dyn FnMut(&[u8]) -> Option<u64> + Send>;
 pub enum FileKind {
     /// Lines of text, one sample each.
     Text,
-    /// CAN frames as `candump -l` writes them.
+    /// CAN frames as `candump` writes them to a file or to the screen.
     Candump,
-    /// Bytes of a serial line.
+    /// Bytes of a serial line, which may be sentences of a device.
     Raw,
     /// MAVLink frames of a ground station's telemetry log, each with a stamp.
     Tlog,
@@ -62,20 +63,16 @@ const MCAP_MAGIC: &[u8] = b"\x89MCAP";
 /// # Errors
 /// [`DeviceError::File`] or [`DeviceError::EmptyFile`].
 pub fn detect(path: &Path) -> Result<FileKind, DeviceError> {
-    let mut reader = open_file(path)?;
-    let start = reader.fill_buf().map_err(|source| file_error(path, source))?;
-    Ok(kind_of(path, start))
+    Ok(kind_of(path, &start(path)?))
 }
 
-/// The first line of a text log that is not blank, without its end; empty where there is none in the first 8 KiB.
+/// The first bytes of a file, at most 8 KiB.
 ///
 /// # Errors
 /// [`DeviceError::File`] or [`DeviceError::EmptyFile`].
-pub fn first_line(path: &Path) -> Result<Vec<u8>, DeviceError> {
+pub fn start(path: &Path) -> Result<Vec<u8>, DeviceError> {
     let mut reader = open_file(path)?;
-    let start = reader.fill_buf().map_err(|source| file_error(path, source))?;
-    let lines = start.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii);
-    Ok(lines.into_iter().find(|line| !line.is_empty()).unwrap_or_default().to_vec())
+    Ok(reader.fill_buf().map_err(|source| file_error(path, source))?.to_vec())
 }
 
 /// Opens a recording as a link. `kind` overrides what the content looks like. A raw capture is stamped by the device's
@@ -90,13 +87,15 @@ pub fn open(
     stamp_line: Option<LineStamper>,
 ) -> Result<Box<dyn Link>, DeviceError> {
     let mut reader = open_file(path)?;
-    let kind = match kind {
-        Some(kind) => kind,
-        None => kind_of(path, reader.fill_buf().map_err(|source| file_error(path, source))?),
-    };
+    let start = reader.fill_buf().map_err(|source| file_error(path, source))?;
+    let kind = kind.unwrap_or_else(|| kind_of(path, start));
+    let has_delta_stamps = kind == FileKind::Candump && candump::has_delta_stamps(start);
     let name = path.display().to_string();
     match kind {
         FileKind::Text => Ok(Box::new(TextReplay::new(name, reader, baud, stamp_line))),
+        FileKind::Candump if has_delta_stamps => {
+            Ok(Box::new(CandumpReplay::new(name, reader).with_delta_stamps()))
+        }
         FileKind::Candump => Ok(Box::new(CandumpReplay::new(name, reader))),
         FileKind::Raw => Ok(Box::new(RawReplay::new(name, reader, baud))),
         FileKind::Tlog => Ok(Box::new(TlogReplay::new(name, reader))),
@@ -128,9 +127,9 @@ fn kind_of(path: &Path, start: &[u8]) -> FileKind {
     let named_mcap = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("mcap"));
     if start.starts_with(MCAP_MAGIC) || named_mcap {
         FileKind::Mcap
-    } else if start.split(|byte| *byte == b'\n').take(4).any(|line| parse_candump_line(line).is_some()) {
+    } else if start.split(|byte| *byte == b'\n').any(|line| parse_candump_line(line).is_some()) {
         FileKind::Candump
-    } else if is_text(start) {
+    } else if is_text(start) && !vectornav::ascii::has_sentence(start) {
         FileKind::Text
     } else if tlog::is_tlog(start) {
         FileKind::Tlog
@@ -139,14 +138,16 @@ fn kind_of(path: &Path, start: &[u8]) -> FileKind {
     }
 }
 
-/// True for UTF-8 without control characters but the usual white space. A character cut at the end is fine.
+/// Share of bytes beyond ASCII in a text of an older encoding: a unit such as the degree sign here and there.
+const FOREIGN_SHARE: f64 = 0.1;
+
+/// True for text without control characters but the usual white space, in UTF-8 (a character cut at the end is fine)
+/// or nearly all in ASCII.
 fn is_text(start: &[u8]) -> bool {
-    let whole = match std::str::from_utf8(start) {
-        Ok(_) => start.len(),
-        Err(error) if error.error_len().is_none() => error.valid_up_to(),
-        Err(_) => return false,
-    };
-    start[..whole].iter().all(|byte| !byte.is_ascii_control() || matches!(byte, b'\n' | b'\r' | b'\t'))
+    let is_utf8 = std::str::from_utf8(start).err().is_none_or(|error| error.error_len().is_none());
+    let foreign = start.iter().filter(|byte| !byte.is_ascii()).count();
+    let is_control = |byte: &u8| byte.is_ascii_control() && !matches!(byte, b'\n' | b'\r' | b'\t');
+    (is_utf8 || foreign as f64 <= FOREIGN_SHARE * start.len() as f64) && !start.iter().any(is_control)
 }
 
 /// Longest line taken as one piece, bytes: a log without line ends must not fill the memory.

@@ -27,8 +27,13 @@ fn the_kind_is_found_from_the_content() {
     for (suffix, content, kind) in [
         (".txt", &b"t,gx\n1,2\n"[..], FileKind::Text),
         (".bin", "Zeit,\u{b0}/s\n".as_bytes(), FileKind::Text),
+        (".bin", b"Zeit;Drehrate in \xB0/s\n0,01;5\n", FileKind::Text), // ISO 8859-1
+        (".bin", b"\xFF\xFE\xFD\xFC", FileKind::Raw),
         (".log", b"(1616161616.123456) can0 3A0#00\n", FileKind::Candump),
         (".log", b"cut off\n(1616161616.123456) can0 3A0#00\n", FileKind::Candump),
+        (".log", b"# bus\n\n# 500 kbit/s\n\n# car\n  can0  3A0   [1]  00\n", FileKind::Candump),
+        (".txt", b"boot\r\n$VNGYR,+00.002801,-00.001186,-00.001582*76\r\n", FileKind::Raw),
+        (".txt", b"$GPVTG,054.7,T,034.4,M,005.5,N,010.2,K*48\r\n", FileKind::Text),
         (".txt", b"\x02\x01\x02\x01\x04\xee\xff\xc0\x00", FileKind::Raw),
         (".txt", b"\x89MCAP0\r\n", FileKind::Mcap),
         (".mcap", b"damaged", FileKind::Mcap),
@@ -241,12 +246,66 @@ fn lines_that_are_no_frames_are_refused() {
         "(1.0) can0 3A0#R",
         "(1.0) can0 3A0##100",
         "(1.0) can0 3A0#00 X",
+        "(1.0)can0 3A0#00",
+        "can0  3A0   [2]  00",
+        "can0  3A0   [1]  00 01",
+        "can0  3A0   [1]  0",
+        "can0  3A0   [9]  00 00 00 00 00 00 00 00 00",
+        "can0  3A0  [08]  00 00 00 00 00 00 00 00",
+        "can0  3A0   [2]  remote request",
+        "can0  3A0   1  00",
+        "(2021-13-19 18:13:36.5)  can0  3A0   [1]  00",
         "(99999999999999999999.0) can0 3A0#00",
         "(1.0) can0 3A0#0\u{e9}",
     ] {
         assert_eq!(parse_candump_line(line.as_bytes()), None, "{line}");
     }
     assert!(parse_candump_line(b"(1.0) can0 3A0#00 R").is_some());
+}
+
+/// Lines of can-utils 2023.03 (`candump -L`, `-ta`, `-tz`, `-tA`, `-x`, `-a`, `-e`), as its `candump.c` prints them.
+#[test]
+fn what_candump_writes_to_the_screen_is_read_as_its_log() {
+    let logged = parse_candump_line(b"(1616177616.123456) can0 3A0#005C0F64").expect("a frame");
+    for line in [
+        " (1616177616.123456)  can0  3A0   [4]  00 5C 0F 64\n",
+        " (2021-03-19 18:13:36.123456)  can0  3A0   [4]  00 5C 0F 64\r\n",
+        " (1616177616.123456)  can0  RX - -  3A0   [4]  00 5C 0F 64",
+        " (1616177616.123456)  can0  TX B E  3A0   [4]  00 5C 0F 64",
+        " (1616177616.123456)  can0  3A0   [4]  00 5C 0F 64               '. .d'",
+    ] {
+        assert_eq!(parse_candump_line(line.as_bytes()), Some(logged), "{line}");
+    }
+    let mut unstamped = logged;
+    unstamped.stamp_ns = None;
+    for line in
+        ["  can0  3A0   [4]  00 5C 0F 64", "can0 3A0#005C0F64", "\u{feff}  can0  3A0   [4]  00 5c 0f 64"]
+    {
+        assert_eq!(parse_candump_line(line.as_bytes()), Some(unstamped), "{line}");
+    }
+    let empty = parse_candump_line(b"  can0  18FF1234   [0] ").expect("a frame");
+    assert_eq!((empty.id, empty.extended, empty.data().len()), (0x18FF_1234, true, 0));
+    let error =
+        parse_candump_line(b"  can0  20000040   [8]  00 00 00 00 00 00 00 00   ERRORFRAME").expect("one");
+    assert_eq!((error.id, error.error), (0x40, true));
+}
+
+#[test]
+fn times_since_the_frame_before_are_summed() {
+    let log = |stamps: &[u32]| -> Vec<u8> {
+        let line = |ms: &u32| format!(" (000.{ms:03}000)  can0  3A0   [1]  00\n");
+        stamps.iter().map(line).collect::<String>().into_bytes()
+    };
+    for (stamps, expected) in [
+        ([0, 5, 5, 5, 5], [0, 5, 10, 15, 20]),
+        ([0, 5, 4, 6, 5], [0, 5, 9, 15, 20]),
+        ([0, 5, 10, 16, 20], [0, 5, 10, 16, 20]),
+    ] {
+        let log = file(".log", &log(&stamps));
+        let mut link = open(log.path(), None, 115_200, None).expect("opens");
+        let times: Vec<u64> = drain(link.as_mut()).into_iter().map(|(at, _)| at.0 / 1_000_000).collect();
+        assert_eq!(times, expected, "{stamps:?}");
+    }
 }
 
 proptest! {
@@ -260,7 +319,7 @@ proptest! {
         let width = if extended { 8 } else { 3 };
         let line = format!("({seconds}.{micros:06}) can0 {id:0width$X}#{digits}\n");
         let frame = parse_candump_line(line.as_bytes()).expect("well formed");
-        prop_assert_eq!(frame.stamp_ns, seconds * 1_000_000_000 + u64::from(micros) * 1000);
+        prop_assert_eq!(frame.stamp_ns, Some(seconds * 1_000_000_000 + u64::from(micros) * 1000));
         prop_assert_eq!((frame.id, frame.extended, frame.error), (id, extended, false));
         prop_assert_eq!(frame.data(), &data[..]);
     }

@@ -45,15 +45,105 @@ fn a_type_in_the_other_case_or_with_a_wrong_checksum_is_no_sample() {
     assert_eq!((counters.packets, counters.bad_checksum, counters.bytes_skipped), (1, 1, 47));
 
     // The same packet called Z1 (0x5A31), with a checksum made for it.
-    let mut other = good;
-    other[2] = b'Z';
-    let crc = other[2..45].iter().fold(0x1D0F_u16, |crc, byte| {
+    let mut decoder = OpenImuDecoder::new();
+    assert!(decode(&mut decoder, &packet(b"Z1", &good[5..45])).is_empty());
+    assert_eq!(decoder.counters(), DecodeCounters { packets: 1, unknown: 1, ..DecodeCounters::default() });
+}
+
+/// A packet with its checksum.
+fn packet(kind: &[u8; 2], payload: &[u8]) -> Vec<u8> {
+    let checked = [&kind[..], &[payload.len() as u8], payload].concat();
+    let crc = checked.iter().fold(0x1D0F_u16, |crc, byte| {
         (0..8).fold(crc ^ u16::from(*byte) << 8, |crc, _| crc << 1 ^ if crc >= 0x8000 { 0x1021 } else { 0 })
     });
-    other[45..].copy_from_slice(&crc.to_be_bytes());
+    [&[0x55, 0x55][..], &checked, &crc.to_be_bytes()].concat()
+}
+
+const ACCELERATION: [f32; 3] = [0.5, -0.25, 9.75];
+const RATE: [f32; 3] = [5.0, -10.0, 30.0];
+
+/// Every type with samples at `k` hundredths of a second, its fields in the order of the vendor's `openimu.json` and
+/// `dmu.json` (python-openimu). `unit` is that of an acceleration whose unit differs between versions, m/s².
+fn packets_of_all_types(k: u32, unit: f32) -> [(&'static [u8; 2], Vec<u8>); 9] {
+    let floats =
+        |groups: &[[f32; 3]]| groups.concat().into_iter().flat_map(f32::to_le_bytes).collect::<Vec<_>>();
+    let time = [&(10 * k).to_le_bytes()[..], &(f64::from(k) * 0.01).to_le_bytes()].concat();
+    let other = [7.0; 3];
+    let (force, maybe_g) = (ACCELERATION, ACCELERATION.map(|value| value / unit));
+    let states = vec![1; 3];
+    let tilt = [7.0_f32; 2].map(f32::to_le_bytes).concat();
+    let position = [7.0_f64; 3].map(f64::to_le_bytes).concat();
+    // Rates of 1260/65536 deg/s and accelerations of 20 g / 65536.
+    let whole = |values: [f32; 3], lsb: f64| {
+        values.map(|value| ((f64::from(value) / lsb).round() as i16).to_be_bytes()).concat()
+    };
+    let accelerometer = whole(force, 20.0 * STANDARD_GRAVITY / 65536.0);
+    let gyroscope = whole(RATE, 1260.0 / 65536.0);
+    let angles = [7; 6];
+    let ms = (10 * k).to_be_bytes();
+    let ticks = ((655 * k) as u16).to_be_bytes();
+    [
+        (b"s1", [time.clone(), floats(&[maybe_g, RATE, other]), 25f32.to_le_bytes().to_vec()].concat()),
+        (b"a1", [time.clone(), tilt, floats(&[RATE, force]), states.clone()].concat()),
+        (b"a2", [time.clone(), floats(&[other, RATE, force])].concat()),
+        (b"e1", [time.clone(), floats(&[other, maybe_g, RATE, other, other]), states.clone()].concat()),
+        (
+            b"e2",
+            [time, floats(&[other, maybe_g, other, RATE, other, other, other]), position, states].concat(),
+        ),
+        (b"S0", [&accelerometer[..], &gyroscope, &[7; 14], &ticks, &[0; 2]].concat()),
+        (b"S1", [&accelerometer[..], &gyroscope, &[7; 8], &ticks, &[0; 2]].concat()),
+        (b"A1", [&angles[..], &gyroscope, &accelerometer, &[7; 8], &ms, &[0; 2]].concat()),
+        (b"A2", [&angles[..], &gyroscope, &accelerometer, &[7; 6], &ms, &[0; 2]].concat()),
+    ]
+}
+
+#[test]
+fn every_type_with_samples_gives_the_same_sample() {
+    for unit in [1.0, STANDARD_GRAVITY as f32] {
+        for index in 0..9 {
+            let of = |k| {
+                let (kind, payload) = &packets_of_all_types(k, unit)[index];
+                (packet(kind, payload), kind.escape_ascii().to_string())
+            };
+            let mut decoder = OpenImuDecoder::new();
+            let readings = decode(&mut decoder, &(0..30).flat_map(|k| of(k).0).collect::<Vec<_>>());
+            let name = of(0).1;
+            let expected = DecodeCounters { packets: 30, ..DecodeCounters::default() };
+            assert_eq!((readings.len(), decoder.counters()), (30, expected), "{name}");
+            let (omega, force) = (Vector3::from(RATE).cast(), Vector3::from(ACCELERATION).cast::<f64>());
+            let times: Vec<u64> =
+                readings.iter().map(|reading| reading.device_time.unwrap().micros).collect();
+            assert!(
+                times.windows(2).all(|pair| pair[1].abs_diff(pair[0] + 10_000) < 10),
+                "{name}: {times:?}"
+            );
+            for reading in readings {
+                assert!((reading.omega_imu / RAD_PER_DEG - omega).amax() < 0.01, "{name}: {reading:?}");
+                assert!((reading.specific_force_imu.unwrap() - force).amax() < 0.002, "{name}: {reading:?}");
+            }
+            let says_unit = decoder.notes().iter().any(|note| note.contains("documented in g"));
+            assert_eq!(says_unit, ["s1", "e1", "e2"].contains(&name.as_str()), "{name}");
+        }
+    }
+}
+
+#[test]
+fn of_two_types_one_is_used_and_other_lengths_and_refusals_are_no_samples() {
+    let types = packets_of_all_types(3, 1.0);
+    let refusal = packet(&[0x15, 0x15], b"uP");
+    let changed = packet(b"a2", &types[2].1[..40]);
+    let stream =
+        [packet(types[2].0, &types[2].1), packet(types[5].0, &types[5].1), refusal, changed].concat();
     let mut decoder = OpenImuDecoder::new();
-    assert!(decode(&mut decoder, &other).is_empty());
-    assert_eq!(decoder.counters(), DecodeCounters { packets: 1, unknown: 1, ..DecodeCounters::default() });
+    assert_eq!(decode(&mut decoder, &stream).len(), 1);
+    let expected = DecodeCounters { packets: 4, unknown: 1, device_errors: 1, ..DecodeCounters::default() };
+    assert_eq!(decoder.counters(), expected);
+    let notes = decoder.notes().join("\n");
+    assert!(
+        notes.contains("1 packets of other types") && notes.contains("refused the command uP"),
+        "{notes}"
+    );
 }
 
 /// A capture through the decoder that is found for it, in pieces of 64 bytes.

@@ -14,6 +14,8 @@ pub(super) const LONGEST_PACKET: usize = HEAD + 255 + CHECKSUM;
 
 /// Descriptor set of the inertial sensors' data.
 pub(super) const SENSOR_DATA: u8 = 0x80;
+/// Descriptor set of the navigation filter's estimates.
+pub(super) const FILTER_DATA: u8 = 0x82;
 /// Answer to a command, in the command's set: the command and an error, 0 for done.
 pub(in crate::device) const ACKNOWLEDGEMENT: u8 = 0xF1;
 
@@ -55,7 +57,7 @@ impl<'a> Packet<'a> {
 
 /// Whether a descriptor set is documented, for the device's packets as much as for the answers to commands.
 pub(super) fn is_known_set(set: u8) -> bool {
-    is_command_set(set) || matches!(set, SENSOR_DATA | 0x81 | 0x82 | 0x91..=0x95 | 0xA0)
+    is_command_set(set) || matches!(set, SENSOR_DATA | FILTER_DATA | 0x81 | 0x91..=0x95 | 0xA0)
 }
 
 /// Whether a descriptor set is one of commands: base, 3DM, filter, GNSS, RTK, aiding, system.

@@ -87,6 +87,8 @@ fn refusals_and_sets_that_are_not_documented_are_counted_and_said() {
     for part in ["refused command 0C/0F: 0x03, parameter not valid", "increments (07, 08) only"] {
         assert!(notes.contains(part), "{part} is missing in: {notes}");
     }
+    let (_, decoder) = decode(&[packet(0x82, &[(0x05, vec![0; 14])])]);
+    assert!(decoder.notes()[0].contains("estimates of the filter (set 82) only"), "{:?}", decoder.notes());
 }
 
 #[test]

@@ -1,10 +1,10 @@
 //! What the count in a packet counts: documents and devices differ, the size of its steps decides.
 //!
-//! - `z1`: documented in ms; a real device was seen to send µs. A step is 1 to 500 at 1000 to 2 Hz in ms, 1000 to
-//!   500 000 in µs: 1000 and more is µs.
-//! - `S1`: a packet counter by the DMU380 manual, a timer of 15.259 µs by the vendor's later software. A real device
-//!   was seen to advance 3276.8 a packet, which is 20 Hz (one of the rates on offer) in units of 1/65536 s, so that the
-//!   16 bits wrap once a second. 100 and more is this timer.
+//! - 32 bits: documented in ms; a real device was seen to send µs in `z1`. A step is 1 to 500 at 1000 to 2 Hz in ms, 1000
+//!   to 500 000 in µs: 1000 and more is µs.
+//! - 16 bits: a packet counter (`S1`) by the DMU380 manual, a timer of 15.259 µs by the vendor's later software. A real
+//!   device was seen to advance 3276.8 a packet, which is 20 Hz (one of the rates on offer) in units of 1/65536 s, so that
+//!   the 16 bits wrap once a second. 100 and more is this timer.
 
 use crate::device::protocol::period::PeriodWatch;
 use crate::device::protocol::{DeviceTime, ImuReading};

@@ -12,14 +12,16 @@ impl TextMapping {
     /// `log` and `mapping_file` only name the files in errors.
     ///
     /// # Errors
-    /// [`TextError::Empty`] if there is no line of data, [`TextError::MissingColumn`] if the header lacks a name or
-    /// the first line is shorter than a mapped column number, [`TextError::ColumnCount`] if its length is not the one
+    /// [`TextError::Empty`] if there is no line of data, [`TextError::MissingColumn`] if no line is a header with all
+    /// names or the first line is shorter than a mapped column number, [`TextError::ColumnCount`] if its length is not the one
     /// demanded.
     pub fn check_log(&self, log: &str, mapping_file: &str, start: &[u8]) -> Result<(), TextError> {
         let reader = RowReader::new(self);
         let without_mark = start.strip_prefix(BYTE_ORDER_MARK).unwrap_or(start);
         let mut lines = without_mark.split(|&byte| byte == b'\n').filter(|line| !reader.is_empty(line));
-        let first = lines.next().ok_or_else(|| TextError::Empty { log: log.to_owned() })?;
+        let header = lines.clone().find(|line| self.header && reader.find_columns(line).is_some());
+        let first =
+            header.or_else(|| lines.next()).ok_or_else(|| TextError::Empty { log: log.to_owned() })?;
         let count = split(first, reader.delimiter).count();
         for field in &reader.fields {
             if reader.find_column(field, first).is_none_or(|column| column >= count) {
@@ -49,6 +51,14 @@ impl TextMapping {
         }
     }
 
+    /// Checks the header line alone, where the mapping asks for one; see [`TextMapping::check_log`].
+    ///
+    /// # Errors
+    /// Those of [`TextMapping::check_log`].
+    pub fn check_header(&self, log: &str, mapping_file: &str, start: &[u8]) -> Result<(), TextError> {
+        if self.header { self.check_log(log, mapping_file, start) } else { Ok(()) }
+    }
+
     /// Reads a whole log and reports its first row that does not read; returns the number of rows.
     ///
     /// Neither the last line is judged nor rows with nothing in a mapped column: a log that was cut off, or a sensor
@@ -63,6 +73,7 @@ impl TextMapping {
         while let Some((index, line)) = lines.next() {
             match reader.read(line) {
                 Line::Empty => {}
+                Line::Bad if reader.header_pending => {}
                 Line::Bad if lines.peek().is_none() || reader.lacks_a_value(line) => {}
                 Line::Bad => {
                     return Err(TextError::BadRow {
@@ -85,12 +96,12 @@ fn what_is_wrong(reader: &RowReader, line: &[u8]) -> String {
     }
     let texts: Vec<&[u8]> = split(line, reader.delimiter).collect();
     let Some(columns) = reader.columns else {
-        return "the header lacks a mapped column".to_owned();
+        return "it stands before the header".to_owned();
     };
     for (field, &column) in reader.fields.iter().zip(&columns) {
         match texts.get(column) {
             None => return format!("column {} ({}) is missing", column + 1, field.key),
-            Some(text) if number(text).is_none() => {
+            Some(text) if number(text, reader.delimiter).is_none() => {
                 let text = String::from_utf8_lossy(text);
                 return format!(
                     "column {} ({}) is \"{text}\", expected a finite number",

@@ -11,32 +11,53 @@ use super::row::{BYTE_ORDER_MARK, RowReader, split};
 pub struct KnownLog {
     /// The mapping's file in the repository.
     pub file: &'static str,
-    /// Its text.
+    /// Its text, for columns with commas between.
     pub text: &'static str,
+    /// What stands between the columns of this log.
+    delimiter: char,
     /// What the name of the log must contain, in small letters, where the header does not say enough.
     name_part: &'static str,
 }
 
-/// The formats with a built-in mapping.
-pub const KNOWN_LOGS: [KnownLog; 4] = [
+/// What programs that let the user choose put between columns (phyphox: comma, semicolon or tabulator).
+const DELIMITERS: [char; 3] = [',', ';', '\t'];
+
+/// The formats with a built-in mapping; of two that fit, the one with more columns first.
+pub const KNOWN_LOGS: [KnownLog; 6] = [
+    KnownLog {
+        file: "configs/logs/phyphox-both.toml",
+        text: include_str!("../../../../configs/logs/phyphox-both.toml"),
+        delimiter: ',',
+        name_part: "",
+    },
     KnownLog {
         file: "configs/logs/phyphox.toml",
         text: include_str!("../../../../configs/logs/phyphox.toml"),
+        delimiter: ',',
+        name_part: "",
+    },
+    KnownLog {
+        file: "configs/logs/phyphox-short.toml",
+        text: include_str!("../../../../configs/logs/phyphox-short.toml"),
+        delimiter: ',',
         name_part: "",
     },
     KnownLog {
         file: "configs/logs/xio.toml",
         text: include_str!("../../../../configs/logs/xio.toml"),
+        delimiter: ',',
         name_part: "",
     },
     KnownLog {
         file: "configs/logs/vn310.toml",
         text: include_str!("../../../../configs/logs/vn310.toml"),
+        delimiter: ',',
         name_part: "",
     },
     KnownLog {
         file: "configs/logs/sensor-logger-gyroscope.toml",
         text: include_str!("../../../../configs/logs/sensor-logger-gyroscope.toml"),
+        delimiter: ',',
         name_part: "gyroscope",
     },
 ];
@@ -79,30 +100,48 @@ impl KnownLog {
     /// # Errors
     /// None with the mappings that are built in; see [`TextMapping::from_toml`].
     pub fn mapping(&self) -> Result<TextMapping, TextError> {
-        TextMapping::from_toml(self.file, self.text)
+        TextMapping::from_toml(self.file, &self.mapping_text())
     }
 
-    fn fits(&self, log_name: &str, header: &[u8]) -> Result<bool, TextError> {
-        let mapping = self.mapping()?;
+    /// The text of the built-in mapping for the delimiter of this log.
+    pub fn mapping_text(&self) -> String {
+        self.text.replacen("delimiter = \",\"", &format!("delimiter = {:?}", self.delimiter.to_string()), 1)
+    }
+
+    fn fits(&self, log_name: &str, start: &[u8]) -> Result<bool, TextError> {
+        let rows = RowReader::new(&self.mapping()?);
         let named = log_name.to_ascii_lowercase().contains(self.name_part);
-        Ok(named && RowReader::new(&mapping).find_columns(header).is_some())
+        Ok(named && lines(start).any(|line| rows.find_columns(line).is_some()))
     }
 }
 
-/// The format of a log, by its first line and where that is not enough by the name of its file; `None` for a log that
-/// nobody here knows.
+fn lines(start: &[u8]) -> impl Iterator<Item = &[u8]> {
+    start.strip_prefix(BYTE_ORDER_MARK).unwrap_or(start).split(|byte| *byte == b'\n')
+}
+
+/// The format of a log, by the header among its first lines and where that is not enough by the name of its file;
+/// `None` for a log that nobody here knows. `start` is the beginning of the log, a few kilobytes.
 ///
 /// # Errors
 /// [`TextError::Unusable`] for a log that is recognised and cannot be used as it is.
-pub fn known_log(log_name: &str, first_line: &[u8]) -> Result<Option<KnownLog>, TextError> {
-    let header = first_line.strip_prefix(BYTE_ORDER_MARK).unwrap_or(first_line);
-    for known in KNOWN_LOGS {
-        if known.fits(log_name, header)? {
-            return Ok(Some(known));
+pub fn known_log(log_name: &str, start: &[u8]) -> Result<Option<KnownLog>, TextError> {
+    for delimiter in DELIMITERS {
+        for known in KNOWN_LOGS.map(|known| KnownLog { delimiter, ..known }) {
+            if known.fits(log_name, start)? {
+                return Ok(Some(known));
+            }
         }
     }
-    let has = |title: &&str| split(header, Delimiter::Byte(b',')).any(|found| found == title.as_bytes());
-    match UNUSABLE.iter().find(|unusable| unusable.titles.iter().all(has)) {
+    let has_all = |line: &[u8], titles: &[&str], delimiter: char| {
+        let has = |title: &&str| {
+            split(line, Delimiter::Byte(delimiter as u8)).any(|found| found == title.as_bytes())
+        };
+        titles.iter().all(has)
+    };
+    let is_it = |unusable: &&Unusable| {
+        lines(start).any(|line| DELIMITERS.iter().any(|between| has_all(line, unusable.titles, *between)))
+    };
+    match UNUSABLE.iter().find(is_it) {
         Some(Unusable { what, hint, .. }) => {
             Err(TextError::Unusable { log: log_name.to_owned(), what, hint })
         }
@@ -122,6 +161,18 @@ mod tests {
     fn known_headers_choose_their_mapping_and_others_none() {
         let phone = "\u{feff}\"Time (s)\",\"Gyroscope x (rad/s)\",\"Gyroscope y (rad/s)\",\"Gyroscope z (rad/s)\"\r\n";
         assert_eq!(file_of("a.csv", phone), Some("configs/logs/phyphox.toml"));
+        let short = "Time (s),X (rad/s),Y (rad/s),Z (rad/s)";
+        assert_eq!(file_of("a.csv", short), Some("configs/logs/phyphox-short.toml"));
+        let both = phone.replace(
+            "\r\n",
+            ",\"Acceleration x (m/s^2)\",\"Acceleration y (m/s^2)\",\"Acceleration z (m/s^2)\"\r\n",
+        );
+        assert_eq!(file_of("a.csv", &both), Some("configs/logs/phyphox-both.toml"));
+        for delimiter in [";", "\t"] {
+            let found = known_log("a.csv", phone.replace(',', delimiter).as_bytes()).unwrap().unwrap();
+            assert_eq!(found.file, "configs/logs/phyphox.toml");
+            assert!(found.mapping_text().contains(&format!("delimiter = {delimiter:?}\n")));
+        }
         let in_degrees = phone.replace("rad/s", "deg/s");
         assert_eq!(file_of("a.csv", &in_degrees), None, "another unit is another format");
         assert_eq!(

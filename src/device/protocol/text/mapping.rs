@@ -51,7 +51,8 @@ fn all_positive() -> [i8; 3] {
 ///
 /// ```toml
 /// delimiter = ","        # or ";" "\t" "|" ":" " ", or "blank" for runs of spaces and tabs; default ","
-/// header = true          # the first line names the columns; default false
+///                        # where it is not ",", numbers may have a decimal comma
+/// header = true          # a line names the columns, the first that has all names below; default false
 /// comment = "#"          # lines that start so are skipped; default none
 /// column_count = 7       # rows with another count are bad; default: not fewer than the first line has
 /// rate_hz = 100.0        # sample rate, needed where there is no [time]

@@ -9,7 +9,7 @@ use crate::device::protocol::ImuReading;
 /// Numbers of a row at most: gyro, specific force, time.
 const MAX_FIELDS: usize = 7;
 /// What some programs put before the first line of UTF-8.
-pub(super) const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
+pub(in crate::device) const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
 
 /// What a line turned out to be.
 #[derive(Clone, Copy, Debug)]
@@ -28,9 +28,9 @@ pub(super) struct RowReader {
     mapping: TextMapping,
     pub(super) fields: Vec<Field>,
     pub(super) delimiter: Delimiter,
-    /// Column of each field, from 0; `None` until the header was read, or when it lacks a name.
+    /// Column of each field, from 0; `None` until a header with all names was read.
     pub(super) columns: Option<[usize; MAX_FIELDS]>,
-    header_pending: bool,
+    pub(super) header_pending: bool,
     /// Columns a row needs at least.
     least_columns: usize,
 }
@@ -62,8 +62,12 @@ impl RowReader {
             return Line::Empty;
         }
         if self.header_pending {
-            self.header_pending = false;
             self.columns = self.find_columns(line);
+            // A title or the like: the header comes after it.
+            if self.columns.is_none() {
+                return Line::Bad;
+            }
+            self.header_pending = false;
             self.least_columns = split(line, self.delimiter).count();
             return Line::Empty;
         }
@@ -107,7 +111,7 @@ impl RowReader {
         for (column, text) in split(line, self.delimiter).enumerate() {
             count += 1;
             for (value, _) in values.iter_mut().zip(columns).filter(|(_, wanted)| **wanted == column) {
-                *value = number(text)?;
+                *value = number(text, self.delimiter)?;
             }
         }
         values[..columns.len()].iter().all(|value| value.is_finite()).then_some((values, count))
@@ -202,7 +206,22 @@ pub(super) fn split(line: &[u8], delimiter: Delimiter) -> impl Iterator<Item = &
     })
 }
 
-/// A finite number.
-pub(super) fn number(text: &[u8]) -> Option<f64> {
+/// Longest number with a decimal comma, bytes.
+const LONGEST_NUMBER: usize = 64;
+
+/// A finite number. Where the comma does not separate columns it may be the decimal one, as programs write that follow
+/// the language of the user; separators of thousands are never read.
+pub(super) fn number(text: &[u8], delimiter: Delimiter) -> Option<f64> {
+    let mut with_point = [0; LONGEST_NUMBER];
+    let comma = text.iter().position(|byte| *byte == b',').filter(|_| delimiter != Delimiter::Byte(b','));
+    let text = match comma {
+        Some(comma) if text.get(comma + 1).is_some_and(u8::is_ascii_digit) => {
+            let copy = with_point.get_mut(..text.len())?;
+            copy.copy_from_slice(text);
+            copy[comma] = b'.';
+            copy
+        }
+        _ => text,
+    };
     std::str::from_utf8(text).ok()?.parse::<f64>().ok().filter(|value| value.is_finite())
 }

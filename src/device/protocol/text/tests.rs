@@ -114,7 +114,34 @@ fn names_are_found_in_a_quoted_header() {
         "log.csv: no column \"Time, local\" for time.column, found are \"t\", \"gx\", \"gy\", \"gz\"\n\n\
          hint: correct time.column in map.toml"
     );
-    assert_eq!(decode(&by_name, &[other]).1.bad_checksum, 1, "the decoder itself only counts");
+    assert_eq!(decode(&by_name, &[other]).1.bad_checksum, 2, "the decoder itself only counts");
+
+    let titled = [b"second run\n\n", &log[3..]].concat();
+    let (readings, counters) = decode(&by_name, &[&titled]);
+    assert_eq!((readings.len(), counters.bad_checksum), (1, 1));
+    by_name.check_log("log.csv", "map.toml", &titled).unwrap();
+    assert_eq!(by_name.check_rows("log.csv", &titled).unwrap(), 1);
+    let by_number = mapping("header = true\nrate_hz = 50.0\n[gyro]\ncolumns = [1, 2, 3]\nunit = \"rad/s\"\n");
+    assert_eq!(decode(&by_number, &[b"x,y,z\n1,2,3\n"]).1.packets, 1, "any line is a header without names");
+}
+
+#[test]
+fn a_decimal_comma_is_read_where_it_separates_no_columns() {
+    let read = |delimiter: &str, row: &str| {
+        let text = format!(
+            "delimiter = \"{delimiter}\"\nrate_hz = 50.0\n[gyro]\ncolumns = [1, 2, 3]\nunit = \"rad/s\"\n"
+        );
+        let (readings, counters) = decode(&mapping(&text), &[row.as_bytes()]);
+        assert_eq!(readings.len() + counters.bad_checksum as usize, 1);
+        readings.first().map(|reading| <[f64; 3]>::from(reading.omega_imu))
+    };
+    assert_eq!(read(";", "1,5;-0,25;2,5E-1"), Some([1.5, -0.25, 0.25]));
+    assert_eq!(read("blank", "1,5 2 3.5"), Some([1.5, 2.0, 3.5]));
+    // Thousands, a comma behind a number, more digits than a number has.
+    for row in ["1,234.5;2;3", "1.234,5;2;3", "1,234,567;2;3", "1,;2;3"] {
+        assert_eq!(read(";", row), None, "{row}");
+    }
+    assert_eq!(read(";", &format!("0,{};2;3", "0".repeat(80))), None);
 }
 
 #[test]

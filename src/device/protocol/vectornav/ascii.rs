@@ -74,6 +74,11 @@ pub(in crate::device) fn bodies(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
     })
 }
 
+/// Whether a good sentence stands anywhere in `bytes`.
+pub(in crate::device) fn has_sentence(bytes: &[u8]) -> bool {
+    bodies(bytes).next().is_some()
+}
+
 /// What stands between `$` and `*` of a good sentence.
 pub(super) fn body(sentence: &[u8]) -> &[u8] {
     let star = sentence.iter().position(|&byte| byte == b'*').unwrap_or(sentence.len());
@@ -112,7 +117,7 @@ pub(in crate::device) fn error_meaning(code: u8) -> Option<&'static str> {
 }
 
 /// Fields of a sentence before its first measurement of each kind; `None` where it has no specific force.
-const MEASUREMENTS: [(&[u8; 3], Option<usize>, usize); 9] = [
+const MEASUREMENTS: [(&[u8; 3], Option<usize>, usize); 11] = [
     (b"YMR", Some(6), 9),
     (b"QMR", Some(7), 10),
     (b"MAR", Some(3), 6),
@@ -123,6 +128,15 @@ const MEASUREMENTS: [(&[u8; 3], Option<usize>, usize); 9] = [
     (b"YIA", None, 6),
     (b"QTR", None, 4),
     (b"GYR", None, 0),
+    // Whether gravity is in the accelerations of these two is not known here.
+    (b"ISL", None, 12),
+    (b"ISE", None, 12),
+];
+
+/// Sentences of measurements without an angular rate.
+const WITHOUT_RATE: [&[u8; 3]; 17] = [
+    b"YPR", b"QTN", b"QTM", b"QTA", b"QMA", b"DCM", b"MAG", b"ACC", b"DTV", b"INS", b"INE", b"GPS", b"GPE",
+    b"G2S", b"G2E", b"RTK", b"HVE",
 ];
 
 /// The measurements of one sentence, sensor frame, SI.
@@ -143,7 +157,9 @@ pub(super) enum Said {
     Unreadable,
     /// The device reports an error.
     Error(u8),
-    /// Answers, attitude, position and everything else.
+    /// A sentence of measurements without an angular rate: the three letters after `VN`.
+    WithoutRate([u8; 3]),
+    /// Answers and everything else.
     Other,
 }
 
@@ -152,9 +168,12 @@ pub(super) fn read(body: &[u8]) -> Said {
     if let Some(code) = error_code(body) {
         return Said::Error(code);
     }
-    let entry = MEASUREMENTS.iter().find(|(name, ..)| body.get(2..5) == Some(&name[..]));
-    let Some(&(name, force_at, omega_at)) = entry else { return Said::Other };
-    let mut numbers = [f64::NAN; 13];
+    let is_this = |name: &[u8; 3]| body.get(2..5) == Some(&name[..]);
+    let Some(&(name, force_at, omega_at)) = MEASUREMENTS.iter().find(|(name, ..)| is_this(name)) else {
+        let without_rate = WITHOUT_RATE.iter().find(|name| is_this(name));
+        return without_rate.map_or(Said::Other, |name| Said::WithoutRate(**name));
+    };
+    let mut numbers = [f64::NAN; 15];
     let fields = body.split(|&byte| byte == b',').skip(1);
     for (number, field) in numbers.iter_mut().zip(fields) {
         *number = std::str::from_utf8(field).ok().and_then(|text| text.parse().ok()).unwrap_or(f64::NAN);

@@ -118,6 +118,8 @@ struct Content {
     unreadable: u64,
     errors: ErrorCounts,
     uncompensated: bool,
+    /// The last output without an angular rate.
+    without_rate: Option<Output>,
 }
 
 impl Content {
@@ -150,6 +152,7 @@ impl Content {
                 let last = self.errors.len() - 1;
                 self.errors[usize::from(code).min(last)] += 1;
             }
+            Said::WithoutRate([a, b, c]) => self.without_rate = Some(output(&[b'$', a, b, c])),
             Said::Other => {}
         }
     }
@@ -159,7 +162,10 @@ impl Content {
         let both = layout.field(frame, fields::COMMON_IMU);
         let compensated = first(&[fields::IMU_ANGULAR_RATE, fields::COMMON_ANGULAR_RATE]);
         let uncompensated = || first(&[fields::IMU_UNCOMP_GYRO]).or(both.and_then(|both| both.get(12..)));
-        let Some(omega) = compensated.or_else(uncompensated) else { return };
+        let Some(omega) = compensated.or_else(uncompensated) else {
+            self.without_rate = Some(output(layout.header(frame)));
+            return;
+        };
         let force = first(&[fields::IMU_ACCEL, fields::COMMON_ACCEL, fields::IMU_UNCOMP_ACCEL]).or(both);
         let nanos = first(&[fields::COMMON_TIME_STARTUP, fields::TIME_TIME_STARTUP]).and_then(|field| {
             let bytes = field.first_chunk()?;
@@ -237,10 +243,18 @@ impl PacketDecoder for VectorNavDecoder {
     }
 
     fn notes(&self) -> Vec<String> {
-        let Content { followed, errors, uncompensated, .. } = &self.content;
+        let Content { followed, errors, uncompensated, without_rate, .. } = &self.content;
         let mut notes = Vec::new();
-        if let Some(output) = followed.stream() {
-            notes.extend(notes_on(&output));
+        match (followed.stream(), without_rate) {
+            (Some(output), _) => notes.extend(note_on(&output)),
+            (None, Some([b'$', name @ ..])) => notes.push(format!(
+                "VN{} sentences carry no angular rate: choose VNYMR, VNQMR, VNIMU or a binary output",
+                name_of(name)
+            )),
+            (None, Some(_)) => {
+                notes.push("no angular rate: add AngularRate to the binary output".to_owned());
+            }
+            (None, None) => {}
         }
         if *uncompensated {
             notes.push(
@@ -267,10 +281,15 @@ impl PacketDecoder for VectorNavDecoder {
     }
 }
 
+/// The three letters after `VN` of a sentence.
+fn name_of(output: &[u8]) -> String {
+    output.iter().take(3).map(|letter| char::from(*letter)).collect()
+}
+
 /// What the output in use does not carry.
-fn notes_on(output: &Output) -> Option<String> {
-    if output[0] == b'$' {
-        let name = String::from_utf8_lossy(&output[1..4]);
+fn note_on(output: &Output) -> Option<String> {
+    if let [b'$', name @ ..] = output {
+        let name = name_of(name);
         return Some(format!(
             "VN{name} sentences carry no device time, and their losses cannot be counted: a binary output with \
              TimeStartup does both"

@@ -120,6 +120,28 @@ fn both_checksums_of_a_sentence_are_checked() {
     assert_eq!(read("$VN*\r\n$VNRRG\r\n$VNrrg,01*72\r\n"), (0, 0));
 }
 
+/// Sentences of UM001 and, of the INS state, the field order of the vendor's library (`parseVNISL`).
+#[test]
+fn outputs_without_a_rate_say_so_and_the_ins_state_has_one() {
+    let read = |body: &str| {
+        let stream = String::from_utf8(ascii::sentence(body)).expect("text");
+        decode(VectorNavDecoder::new(), [stream.as_bytes()])
+    };
+    for name in ["VNYPR", "VNMAG", "VNACC", "VNQTN"] {
+        let (readings, counters, notes) = read(&format!("{name},+1.0,+2.0,+3.0"));
+        assert_eq!((readings.len(), counters.packets), (0, 1));
+        assert!(notes[0].contains(&format!("{name} sentences carry no angular rate")), "{notes:?}");
+    }
+    let (readings, ..) = read("VNISL,10,1,2,48.1,11.5,500,1,2,3,0.1,0.2,0.3,+0.25,-0.5,+1.5");
+    let [reading] = readings[..] else { panic!("{readings:?}") };
+    assert_eq!((reading.omega_imu, reading.specific_force_imu), (Vector3::new(0.25, -0.5, 1.5), None));
+    assert!(read("VNRRG,01,VN-100").2.is_empty());
+    // The document's example of a binary frame: yaw, pitch and roll.
+    let (_, _, notes) =
+        decode(VectorNavDecoder::new(), [&from_hex("fa01080093502e42833ef13f48b504bb9288")[..]]);
+    assert!(notes[0].contains("add AngularRate"), "{notes:?}");
+}
+
 #[test]
 fn errors_of_the_device_are_counted_and_explained() {
     let stream = "$VNERR,0C*02\r\n$VNERR,12*72\r\n$VNERR,03*72\r\n$VNERR,77*71\r\n";

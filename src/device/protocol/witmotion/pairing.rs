@@ -1,6 +1,7 @@
 //! From packets of half a sample each to samples.
 
 use super::kind;
+use crate::device::protocol::calendar::Moment;
 use crate::device::protocol::dead_band::DeadBand;
 use crate::device::protocol::native_serial::{at_end_of_range, scaled};
 use crate::device::protocol::period::PeriodWatch;
@@ -35,6 +36,8 @@ pub(super) struct Pairing {
     steps_us: u64,
     dead_band: DeadBand,
     info: Option<DeviceInfo>,
+    accelerometer_seen: bool,
+    gyroscope_seen: bool,
     pub(super) lone_halves: u64,
     pub(super) unknown: u64,
 }
@@ -54,15 +57,21 @@ impl Pairing {
                     self.abandon();
                 }
                 self.accelerometer = self.numbers(body);
+                self.accelerometer_seen = true;
             }
-            kind::GYROSCOPE => match (self.numbers(body), self.accelerometer.take()) {
-                (Some(gyroscope), Some(accelerometer)) => self.publish(gyroscope, accelerometer, on_reading),
-                (None, None) => {}
-                _ => {
-                    self.lone_halves += 1;
-                    self.time_us = None;
+            kind::GYROSCOPE => {
+                self.gyroscope_seen = true;
+                match (self.numbers(body), self.accelerometer.take()) {
+                    (Some(gyroscope), Some(accelerometer)) => {
+                        self.publish(gyroscope, accelerometer, on_reading);
+                    }
+                    (None, None) => {}
+                    _ => {
+                        self.lone_halves += 1;
+                        self.time_us = None;
+                    }
                 }
-            },
+            }
             kind => {
                 self.abandon();
                 self.unknown += u64::from(kind > kind::LAST_KNOWN);
@@ -142,6 +151,16 @@ impl Pairing {
     /// What is worth knowing about a WitMotion sensor's settings.
     pub(super) fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
+        let missing = match (self.accelerometer_seen, self.gyroscope_seen) {
+            (true, false) => Some("gyroscope packets (0x52)"),
+            (false, true) => Some("accelerometer packets (0x51)"),
+            _ => None,
+        };
+        if let Some(missing) = missing {
+            notes.push(format!(
+                "the device sends no {missing}: a sample takes both (--configure sets the content)"
+            ));
+        }
         if self.dead_band.is_found() {
             notes.push(
                 "gyroscope reads exactly 0 at rest: dead band (static threshold, 0.122 deg/s from the factory); slower \
@@ -160,23 +179,11 @@ impl Pairing {
 }
 
 /// The clock of a time packet, `YY MM DD hh mm ss ms16`, as µs since the beginning of 2000; `None` for what is no
-/// time. A clock that was never set may have month and day 0.
+/// time.
 fn time_us(body: &[u8]) -> Option<u64> {
-    const DAYS_BEFORE_MONTH: [u64; 12] = [0, 31, 59, 90, 120, 151, 181, 212, 243, 273, 304, 334];
     let &[year, month, day, hour, minute, second, ms_low, ms_high] = body else { return None };
-    let ms = u16::from_le_bytes([ms_low, ms_high]);
-    if month > 12 || day > 31 || hour > 23 || minute > 59 || second > 59 || ms > 999 {
-        return None;
-    }
-    let year = u64::from(year);
-    let is_past_leap_day = month > 2 && year % 4 == 0;
-    let days = 365 * year
-        + year.div_ceil(4)
-        + DAYS_BEFORE_MONTH[usize::from(month.max(1)) - 1]
-        + u64::from(is_past_leap_day)
-        + u64::from(day.max(1) - 1);
-    let seconds = ((days * 24 + u64::from(hour)) * 60 + u64::from(minute)) * 60 + u64::from(second);
-    Some((seconds * 1000 + u64::from(ms)) * 1000)
+    let micros = 1000 * u32::from(u16::from_le_bytes([ms_low, ms_high]));
+    Moment { year, month, day, hour, minute, second, micros }.micros_since_2000()
 }
 
 #[cfg(test)]
@@ -278,5 +285,10 @@ mod tests {
         let notes = pairing.notes().join("\n");
         assert!(notes.contains("exactly 0 at rest: dead band") && notes.contains("10 samples/s"), "{notes}");
         assert!(Pairing::default().notes().is_empty());
+        for (kind, missing) in [(kind::GYROSCOPE, "accelerometer"), (kind::ACCELEROMETER, "gyroscope")] {
+            let mut pairing = Pairing::default();
+            feed(&mut pairing, &[(kind, 1), (kind, 2)]);
+            assert!(pairing.notes()[0].contains(&format!("no {missing} packets")), "{:?}", pairing.notes());
+        }
     }
 }

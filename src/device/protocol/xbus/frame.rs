@@ -29,6 +29,10 @@ pub(in crate::device) const ERROR: u8 = 0x42;
 const CONFIGURATION: u8 = 0x0D;
 /// Answer to a command that reads or sets the output configuration: up to 32 entries of 4 bytes.
 const OUTPUT_CONFIGURATION: u8 = 0xC1;
+/// Answer that lists the filter profiles: up to 5 of 22 bytes.
+const FILTER_PROFILES: u8 = 0x63;
+/// Answer with the settings of synchronisation: up to 10 of 12 bytes.
+const SYNC_SETTINGS: u8 = 0x2D;
 /// Most data bytes of another answer: a product code has 20.
 const LONGEST_OTHER_ANSWER: usize = 24;
 /// The device measures.
@@ -77,6 +81,7 @@ pub(super) fn items(mut data: &[u8]) -> impl Iterator<Item = Item<'_>> {
 fn size_of_item(id: u16) -> Option<usize> {
     match kind::of(id) {
         kind::PACKET_COUNTER => Some(2),
+        kind::UTC_TIME => Some(12),
         kind::SAMPLE_TIME_FINE | kind::STATUS_WORD => Some(4),
         kind::ACCELERATION | kind::ACCELERATION_HR | kind::RATE_OF_TURN | kind::RATE_OF_TURN_HR => {
             Some(3 * number::size(id))
@@ -115,6 +120,8 @@ fn allows(id: u8, length: usize) -> bool {
         ERROR => (1..=16).contains(&length),
         CONFIGURATION => (118..=LONGEST_PLAIN_DATA).contains(&length),
         OUTPUT_CONFIGURATION => length <= 128 && length.is_multiple_of(4),
+        FILTER_PROFILES => length <= 110 && length.is_multiple_of(22),
+        SYNC_SETTINGS => length <= 120 && length.is_multiple_of(12),
         _ => id % 2 == 1 && length <= LONGEST_OTHER_ANSWER,
     }
 }

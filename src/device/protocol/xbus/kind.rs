@@ -1,6 +1,8 @@
 //! The items of MTData2 this decoder reads: data identifiers without their lowest four bits, which tell axes and number
 //! format.
 
+/// u32 ns, u16 year, u8 month, day, hour, minute, second, flags.
+pub(super) const UTC_TIME: u16 = 0x1010;
 /// u16, counts every MTData2 packet.
 pub(super) const PACKET_COUNTER: u16 = 0x1020;
 /// u32, 100 µs.

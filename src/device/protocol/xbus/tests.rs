@@ -161,3 +161,39 @@ fn a_damaged_length_does_not_hold_up_what_follows() {
     }
     assert_eq!((readings, decoder.counters().bad_checksum), (2, 1));
 }
+
+/// Lengths from the vendor's document: filter profiles are 22 bytes each (type, version, 20 letters), settings of a
+/// synchronisation line 12.
+#[test]
+fn long_answers_to_commands_are_messages() {
+    let answers = [
+        message(0x0D, &[0; 118]),
+        message(0xC1, &[0x10, 0x20, 0xFF, 0xFF].repeat(32)),
+        message(0x63, &[7; 22].repeat(5)),
+        message(0x2D, &[7; 12].repeat(10)),
+    ];
+    let stream = [&answers[..], &[sample(0, 0)]].concat();
+    let (readings, decoder) = decode(&stream);
+    let counters = decoder.counters();
+    assert_eq!((readings.len(), counters.packets, counters.bytes_skipped), (1, 5, 0));
+}
+
+/// UtcTime as the vendor's document lays it out: nanoseconds, year, month, day, hour, minute, second, flags.
+#[test]
+fn utc_dates_samples_that_have_no_other_time() {
+    let utc = |ms: u32, second: u8| {
+        let time =
+            [&(ms * 1_000_000).to_be_bytes()[..], &2026_u16.to_be_bytes(), &[11, 22, 23, 59, second, 7]];
+        item(0x1010, &time.concat())
+    };
+    let motion = [floats(0x4020, [0.0; 3]), floats(0x8020, [0.0; 3])].concat();
+    let packet = |time: Vec<u8>| message(frame::MT_DATA2, &[time, motion.clone()].concat());
+    let (readings, _) = decode(&[packet(utc(990, 58)), packet(utc(0, 59)), packet(utc(10, 59))]);
+    let times: Vec<_> = readings.iter().filter_map(|reading| reading.device_time).collect();
+    // 2026-11-22 is day 9822 from 2000-01-01 on.
+    let day_us = 86_400_000_000;
+    assert_eq!(times[0], DeviceTime { micros: 9823 * day_us - 1_010_000, wraps_after_us: None });
+    assert_eq!([1, 2].map(|k| times[k].micros_since(times[k - 1])), [10_000, 10_000]);
+    let both = [utc(990, 58), item(0x1060, &[0, 0, 0, 7])].concat();
+    assert_eq!(decode(&[packet(both)]).0[0].device_time.map(|time| time.micros), Some(700));
+}
