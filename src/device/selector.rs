@@ -23,7 +23,7 @@ const MAX_NODE: u8 = 69;
 /// | `serial:PORT?baud=921600` | a serial port, 8N1 |
 /// | `serial:usb=SERIALNUMBER?baud=921600` | the serial port of the USB device with this serial number |
 /// | `can:IFACE?node=N` | a SocketCAN interface; without `node` the first node that describes itself |
-/// | `slcan:PORT?bitrate=500000&baud=115200&node=N` | a CAN bus behind a serial adapter that speaks slcan |
+/// | `slcan:PORT?bitrate=500000&baud=115200&node=N` | a CAN bus behind a serial adapter that speaks slcan; `PORT` may be `usb=SERIALNUMBER` |
 /// | `replay:FILE?kind=text\|candump\|raw\|tlog&baud=N` | a recording; the kind is found from the content if not given |
 /// | `mock:chair?rate_rpm=30&spin_s=15...`, `mock:rest?rest_s=10...` | no hardware, keys of [`MockParams`] |
 #[derive(Clone, Debug, PartialEq)]
@@ -44,7 +44,7 @@ pub enum Selector {
     },
     /// A CAN bus behind a serial adapter that speaks slcan.
     Slcan {
-        /// Path or name of the adapter's port.
+        /// Path or name of the adapter's port, or `usb=` and the serial number of its USB device.
         port: String,
         /// Bitrate of the bus, bit/s: one of [`slcan::codec::BITRATES`].
         bitrate: u32,

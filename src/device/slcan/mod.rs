@@ -206,6 +206,10 @@ impl<L: Link> Link for SlcanLink<L> {
     fn status(&self) -> LinkStatus {
         self.line.status().after(&self.status)
     }
+
+    fn port(&self) -> Option<&str> {
+        self.line.port()
+    }
 }
 
 impl<L: Link> Drop for SlcanLink<L> {
