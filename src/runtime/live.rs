@@ -127,7 +127,7 @@ impl LiveRun {
             let receiver = {
                 let sink = ReceiveSink::new(samples_in, samples_out.clone(), notes.clone());
                 let (signals, ended) = (signals.clone(), source_ended.clone());
-                scope.spawn(move || receive(source, sink, &signals, &ended))
+                scope.spawn(move || receive(source, sink, self.clock.as_ref(), &signals, &ended))
             };
             let control = {
                 let loop_ = ControlLoop {

@@ -10,24 +10,27 @@ use super::queue::{Entry, Notes, OwnedTraffic};
 use super::source::{Polled, Source, SourceSink};
 use crate::device::{DeviceError, Traffic};
 use crate::imu::HeadSample;
-use crate::time::HostTime;
+use crate::time::{Clock, HostTime};
 
 /// How long the thread waits for traffic before it looks at the stop flag.
 const TIMEOUT: Duration = Duration::from_millis(20);
 
-/// Feeds `sink` from `source` until it ends or the run is stopped; `ended` then tells the control thread.
+/// Feeds `sink` from `source` until it ends or the run is stopped; `ended` then tells the control thread. `clock` is the one
+/// that stamps the traffic.
 ///
 /// # Errors
 /// The device's announced rate does not fit its line; the run is stopped.
 pub(super) fn receive(
     mut source: Source,
     mut sink: ReceiveSink,
+    clock: &dyn Clock,
     signals: &Signals,
     ended: &AtomicBool,
 ) -> Result<Source, DeviceError> {
     while !signals.stop.load(Ordering::Relaxed) {
         match source.poll(TIMEOUT, &mut sink) {
-            Ok(Polled::Traffic | Polled::Silence) => {}
+            Ok(Polled::Traffic) => {}
+            Ok(Polled::Silence) => source.note_silence(clock.now(), &mut sink),
             Ok(Polled::Ended) => break,
             Err(error) => {
                 signals.stop.store(true, Ordering::Relaxed);
