@@ -21,8 +21,12 @@ use serde_json::Value;
 
 #[path = "common/chair_can.rs"]
 mod chair_can;
+#[path = "common/fault_bench.rs"]
+mod fault_bench;
 #[path = "socketcan/link.rs"]
 mod link;
+#[path = "socketcan/matrix.rs"]
+mod matrix;
 #[path = "socketcan/program.rs"]
 mod program;
 #[path = "socketcan/slcand.rs"]

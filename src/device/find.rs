@@ -9,11 +9,12 @@ use super::discover::{DiscoveredPort, PortKind, UsbIdentity};
 /// A port named by this and a serial number is whichever node the USB device with that number has.
 const USB_PREFIX: &str = "usb=";
 
-/// Opens a serial port, and opens the same USB device again when its node has another name.
+/// Opens a serial port, and the same USB device again when its node has another name.
 ///
 /// A device without a serial number cannot be told from another of its kind: its node has to keep its name. Names below
 /// `/dev/serial/by-id` do.
-pub(super) struct PortFinder<F> {
+#[derive(Debug)]
+pub struct PortFinder<F> {
     /// The port as the user named it.
     port: String,
     /// The device behind it, once it was open.
@@ -23,7 +24,7 @@ pub(super) struct PortFinder<F> {
 
 impl<F: FnMut() -> Vec<DiscoveredPort>> PortFinder<F> {
     /// A finder for `port`; `list` tells which ports there are.
-    pub(super) fn new(port: &str, list: F) -> Self {
+    pub fn new(port: &str, list: F) -> Self {
         Self { port: port.to_owned(), known: None, list }
     }
 
@@ -32,10 +33,7 @@ impl<F: FnMut() -> Vec<DiscoveredPort>> PortFinder<F> {
     /// # Errors
     /// What `open` says, or [`DeviceError::NoSuchPort`] when no device has the serial number asked for, or another device
     /// has taken the name of the one that was open.
-    pub(super) fn open<L>(
-        &mut self,
-        open: impl FnOnce(&str) -> Result<L, DeviceError>,
-    ) -> Result<L, DeviceError> {
+    pub fn open<L>(&mut self, open: impl FnOnce(&str) -> Result<L, DeviceError>) -> Result<L, DeviceError> {
         let ports = (self.list)();
         let node = self.node(&ports)?;
         let link = open(&node)?;

@@ -18,7 +18,7 @@ pub mod discover;
 pub mod doctor;
 mod error;
 pub mod fault;
-mod find;
+pub mod find;
 mod low_latency;
 pub mod mock;
 mod noise;
@@ -32,7 +32,7 @@ pub mod serial;
 pub mod slcan;
 mod status;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 
 pub use error::DeviceError;
 pub use noise::Noise;
@@ -143,16 +143,15 @@ pub fn open(
             Ok(Box::new(reconnect::Reconnecting::open(opener, clock)?))
         }
         Selector::Slcan { port, bitrate, baud, .. } => {
-            let (bitrate, baud, clock) = (*bitrate, *baud, Arc::clone(clock));
-            let reopen_clock = Arc::clone(&clock);
+            let (bitrate, baud, line_clock) = (*bitrate, *baud, Arc::clone(clock));
             let mut finder = find::PortFinder::new(port, discover::discover);
             let opener = move || {
                 finder.open(|node| {
-                    let line = serial::SerialLink::open(node, baud, Arc::clone(&reopen_clock))?;
+                    let line = serial::SerialLink::open(node, baud, Arc::clone(&line_clock))?;
                     slcan::SlcanLink::open(line, node, bitrate)
                 })
             };
-            Ok(Box::new(reconnect::Reconnecting::open(opener, clock)?))
+            Ok(Box::new(reconnect::Reconnecting::open(opener, Arc::clone(clock))?))
         }
         Selector::Replay { path, kind, baud } => replay::open(path, *kind, *baud, stamp_line),
         Selector::Mock(params) => Ok(Box::new(mock::MockChair::new(params.clone())?)),

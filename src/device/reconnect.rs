@@ -38,7 +38,8 @@ impl Outage {
 
 /// A link that comes back: after [`LinkError::Lost`] it is silent and tries to reopen, with growing pauses.
 ///
-/// A loss is never an error of `receive`; it shows in [`LinkStatus`]. The pause doubles from [`FIRST_RETRY`] to
+/// A loss is never an error of `receive`; it shows in [`LinkStatus`]. The call that reopens gives no traffic, so that its
+/// caller can see that the link is another one before the first traffic of it. The pause doubles from [`FIRST_RETRY`] to
 /// [`LONGEST_RETRY`] and starts again at the first traffic, so a port that opens and fails at once is not hammered.
 pub struct Reconnecting<L, F> {
     opener: F,
@@ -69,11 +70,8 @@ impl<L: Link, F: FnMut() -> Result<L, DeviceError> + Send> Reconnecting<L, F> {
         Ok(Self { opener, clock, link, outage, past: LinkStatus::default() })
     }
 
-    /// Reopens if it is time; otherwise waits, `timeout` at most. True when the link is up.
-    fn bring_up(&mut self, timeout: Duration) -> bool {
-        if !self.outage.status.down {
-            return true;
-        }
+    /// Reopens if it is time; otherwise waits, `timeout` at most.
+    fn bring_up(&mut self, timeout: Duration) {
         // Only now is the lost link closed: `receive` had lent out its buffer when it failed.
         if let Some(dead) = self.link.take() {
             self.past = dead.status().after(&self.past);
@@ -81,7 +79,7 @@ impl<L: Link, F: FnMut() -> Result<L, DeviceError> + Send> Reconnecting<L, F> {
         let now = self.clock.now();
         if now < self.outage.retry_at {
             self.clock.sleep_until(self.outage.retry_at.min(now + timeout));
-            return false;
+            return;
         }
         match (self.opener)() {
             Ok(link) => {
@@ -91,13 +89,13 @@ impl<L: Link, F: FnMut() -> Result<L, DeviceError> + Send> Reconnecting<L, F> {
             }
             Err(_) => self.outage.plan_retry(now),
         }
-        !self.outage.status.down
     }
 }
 
 impl<L: Link, F: FnMut() -> Result<L, DeviceError> + Send> Link for Reconnecting<L, F> {
     fn receive(&mut self, timeout: Duration) -> Result<Option<(HostTime, Traffic<'_>)>, LinkError> {
-        if !self.bring_up(timeout) {
+        if self.outage.status.down {
+            self.bring_up(timeout);
             return Ok(None);
         }
         let Some(link) = &mut self.link else { return Ok(None) };

@@ -46,7 +46,7 @@ pub enum Selector {
     },
     /// A CAN bus behind a serial adapter that speaks slcan.
     Slcan {
-        /// Path or name of the adapter's port.
+        /// Path or name of the adapter's port, or `usb=` and the serial number of its USB device.
         port: String,
         /// Bitrate of the bus, bit/s: one of [`slcan::codec::BITRATES`].
         bitrate: u32,

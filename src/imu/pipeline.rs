@@ -7,7 +7,8 @@ use super::clock_sync::{ClockMode, ClockSync};
 use super::health::ImuCounters;
 use super::mount::{HeadSample, Mount, OmegaDerivative, points_down};
 use super::order::{OrderWatch, Place};
-use super::rate::RateWatch;
+use super::rate::{GAP_STEPS, RateWatch};
+use super::resample::FRESH_S;
 use super::{ImuSample, ImuSettings};
 use crate::device::protocol::{ImuReading, SyncEstimate};
 use crate::time::HostTime;
@@ -200,6 +201,13 @@ impl ImuPipeline {
     /// What the alignment found; `None` until its window is over.
     pub fn report(&self) -> Option<&AlignmentReport> {
         self.report.as_ref()
+    }
+
+    /// Longest time between two readings in a row that is no silence, s: 1.75 mean intervals of the samples held back, and
+    /// at least 40 ms. `None` before the second sample and after the alignment.
+    pub fn longest_pause_s(&self) -> Option<f64> {
+        let intervals = self.window.len().checked_sub(1).filter(|intervals| *intervals > 0)?;
+        Some(FRESH_S.max(GAP_STEPS * self.window_s() / intervals as f64))
     }
 
     /// Everything counted so far.

@@ -7,7 +7,7 @@ const SAME_RATE: f64 = 0.1;
 /// Steps that differ from it by more than this share are another one.
 const OTHER_RATE: f64 = 0.3;
 /// So many usual steps are a gap: at least one sample is not there.
-const GAP_STEPS: f64 = 1.75;
+pub(super) const GAP_STEPS: f64 = 1.75;
 
 /// Notices gaps at once, and by the second interval of the same length that it was no gap but a new sample rate.
 ///

@@ -12,7 +12,7 @@ use crate::vestibular::HeadMotion;
 pub const RESAMPLE_CAPACITY: usize = 4096;
 /// A newest sample up to this old is fresh whatever the rate, s: batches of a USB bridge and stalls of a shared machine
 /// stay below it mostly.
-const FRESH_S: f64 = 0.04;
+pub(super) const FRESH_S: f64 = 0.04;
 
 /// Interpolates head samples to the times of the ticks.
 ///

@@ -127,7 +127,8 @@ impl LiveRun {
             let receiver = {
                 let sink = ReceiveSink::new(samples_in, samples_out.clone(), notes.clone());
                 let (status, ended) = (&self.status, source_ended.clone());
-                scope.spawn(move || receive(source, sink, signals, status, &ended))
+                let (signals, clock) = (signals.clone(), self.clock.as_ref());
+                scope.spawn(move || receive(source, sink, clock, &signals, status, &ended))
             };
             let control = {
                 let loop_ = ControlLoop {

@@ -11,25 +11,29 @@ use super::source::{Polled, Source, SourceSink};
 use super::status::LiveStatus;
 use crate::device::{DeviceError, Traffic};
 use crate::imu::HeadSample;
-use crate::time::HostTime;
+use crate::time::{Clock, HostTime};
 
 /// How long the thread waits for traffic before it looks at the stop flag.
 const TIMEOUT: Duration = Duration::from_millis(20);
 
-/// Feeds `sink` from `source` until it ends or the run is stopped; `ended` then tells the control thread. What is wrong
-/// meanwhile stands in `status`.
+/// Feeds `sink` from `source` until it ends or the run is stopped; `ended` then tells the control thread. `clock` is the one
+/// that stamps the traffic. What is wrong meanwhile stands in `status`.
 ///
 /// # Errors
 /// The device's announced rate does not fit its line; the run is stopped.
 pub(super) fn receive(
     mut source: Source,
     mut sink: ReceiveSink,
+    clock: &dyn Clock,
     signals: &Signals,
     status: &LiveStatus,
     ended: &AtomicBool,
 ) -> Result<Source, DeviceError> {
     while !signals.stop.load(Ordering::Relaxed) {
         let polled = source.poll(TIMEOUT, &mut sink);
+        if let Ok(Polled::Silence) = polled {
+            source.note_silence(clock.now(), &mut sink);
+        }
         status.store_troubles(source.troubles().collect());
         match polled {
             Ok(Polled::Traffic | Polled::Silence) => {}
@@ -114,6 +118,7 @@ mod tests {
     use crate::device::replay::RawReplay;
     use crate::imu::{Calibration, ImuPipeline, ImuSettings, Mount};
     use crate::runtime::trouble::Trouble;
+    use crate::time::SystemClock;
     use crate::vestibular::HeadMotion;
 
     const STILL: HeadMotion =
@@ -143,7 +148,8 @@ mod tests {
         let (notes, _entries) = Notes::queue();
         let (status, ended) = (LiveStatus::default(), AtomicBool::new(false));
         let sink = ReceiveSink::new(samples_in, samples_out, notes);
-        let source = receive(source, sink, &Signals::default(), &status, &ended).expect("it ends");
+        let clock = SystemClock::start_now();
+        let source = receive(source, sink, &clock, &Signals::default(), &status, &ended).expect("it ends");
         assert!(source.troubles().eq(status.load().troubles.iter()));
         assert!(status.load().troubles.contains(Trouble::DamagedPackets), "{:?}", source.facts().decode);
     }

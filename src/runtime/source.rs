@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::trouble::{Change, Counts, Trouble, TroubleWatch};
+use super::trouble::{Change, Counts, Silence, Trouble, TroubleWatch};
 use crate::device::can::bus::BusState;
 use crate::device::protocol::detect::OTOLITH_CAN;
 use crate::device::protocol::{DecodeCounters, ImuReading, PacketDecoder, SyncEstimate};
@@ -53,6 +53,9 @@ pub struct Source {
     line_checked: bool,
     recognised: bool,
     last_at: HostTime,
+    /// When the newest readings came.
+    last_reading_at: HostTime,
+    silence: Silence,
     troubles: TroubleWatch,
 }
 
@@ -83,6 +86,8 @@ impl Source {
             line_checked: false,
             recognised: false,
             last_at: HostTime::default(),
+            last_reading_at: HostTime::default(),
+            silence: Silence::default(),
             troubles: TroubleWatch::default(),
         }
     }
@@ -109,12 +114,13 @@ impl Source {
     /// # Errors
     /// The announced sample rate does not fit the line, or a played file cannot be read on.
     pub fn poll(&mut self, timeout: Duration, sink: &mut dyn SourceSink) -> Result<Polled, DeviceError> {
-        let Self { link, decoder, pipeline, .. } = self;
+        let Self { link, decoder, pipeline, last_reading_at, silence, .. } = self;
         let polled = match link.receive(timeout) {
             Ok(Some((at, traffic))) => {
                 self.last_at = at;
                 sink.traffic(at, traffic);
                 decoder.push(traffic, &mut |reading: ImuReading| {
+                    (*last_reading_at, silence.lasts) = (at, false);
                     pipeline.push(&reading, at, &mut |sample| sink.sample(sample));
                 });
                 Polled::Traffic
@@ -138,6 +144,23 @@ impl Source {
             let _unsent = self.link.send(Traffic::Bytes(&bytes[..length]));
         }
         Ok(polled)
+    }
+
+    /// Tells that nothing more has come up to `now`.
+    ///
+    /// During the alignment no sample is given out whose age would show that they stopped coming: then it is a trouble of
+    /// its own, unless a lost connection or a bus that is off or down explains it. Before the second sample, and where
+    /// nobody tells the time, as of a file, there is no silence.
+    pub fn note_silence(&mut self, now: HostTime, sink: &mut dyn SourceSink) {
+        let Some(longest_pause_s) = self.pipeline.longest_pause_s() else { return };
+        let explained =
+            |trouble| matches!(trouble, Trouble::ConnectionLost | Trouble::InterfaceDown | Trouble::BusOff);
+        let pause_s = now.saturating_since(self.last_reading_at).as_secs_f64();
+        if pause_s > longest_pause_s && !self.troubles.present().any(explained) {
+            self.silence.count += u64::from(!self.silence.lasts);
+            self.silence.lasts = true;
+            self.look_for_troubles(now, sink);
+        }
     }
 
     fn end(&mut self, sink: &mut dyn SourceSink) {
@@ -166,15 +189,7 @@ impl Source {
         }
         self.note_bus_changes(&status, sink);
         self.status = status;
-        let at = self.last_at;
-        let counts = Counts { decode: self.decoder.counters(), link: status, imu: self.pipeline.counters() };
-        self.troubles.look(at, &counts, |change| match change {
-            // Told above, with the reason.
-            Change::Begun(Trouble::ConnectionLost | Trouble::InterfaceDown | Trouble::BusOff)
-            | Change::Over(Trouble::ConnectionLost | Trouble::InterfaceDown | Trouble::BusOff, _) => {}
-            Change::Begun(trouble) => sink.event(at, &format!("trouble: {}", trouble.name())),
-            Change::Over(trouble, count) => sink.event(at, &format!("over: {count} {}", trouble.name())),
-        });
+        self.look_for_troubles(self.last_at, sink);
         if !self.recognised && self.decoder.counters().packets > 0 && self.decoder.protocol() != "unknown" {
             self.recognised = true;
             sink.event(self.last_at, &format!("protocol {}", self.decoder.protocol()));
@@ -182,6 +197,22 @@ impl Source {
                 sink.event(self.last_at, &note);
             }
         }
+    }
+
+    fn look_for_troubles(&mut self, now: HostTime, sink: &mut dyn SourceSink) {
+        let counts = Counts {
+            decode: self.decoder.counters(),
+            link: self.status,
+            imu: self.pipeline.counters(),
+            silence: self.silence,
+        };
+        self.troubles.look(now, &counts, |change| match change {
+            // Told with the reason when the link's state changes.
+            Change::Begun(Trouble::ConnectionLost | Trouble::InterfaceDown | Trouble::BusOff)
+            | Change::Over(Trouble::ConnectionLost | Trouble::InterfaceDown | Trouble::BusOff, _) => {}
+            Change::Begun(trouble) => sink.event(now, &format!("trouble: {}", trouble.name())),
+            Change::Over(trouble, count) => sink.event(now, &format!("over: {count} {}", trouble.name())),
+        });
     }
 
     /// Tells the clock what is known about the delay every sample has.

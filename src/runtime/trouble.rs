@@ -12,8 +12,6 @@ use crate::time::HostTime;
 pub const QUIET: Duration = Duration::from_millis(250);
 
 /// What can go wrong between a device and its samples.
-///
-/// Silence is not among them: it is the age of the newest sample, [`crate::imu::LinkHealth`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Trouble {
     /// The port or interface is gone.
@@ -22,6 +20,9 @@ pub enum Trouble {
     InterfaceDown,
     /// The controller has switched itself off the CAN bus.
     BusOff,
+    /// Samples had begun to come and stopped before the alignment was over. Later it is the age of the newest sample that
+    /// tells: [`crate::imu::LinkHealth`].
+    NoSamples,
     /// The controller or the interface reports errors.
     BusErrors,
     /// Packets with a wrong checksum or broken framing.
@@ -53,10 +54,11 @@ pub enum Trouble {
 }
 
 /// Every trouble, gravest first.
-pub const TROUBLES: [Trouble; 17] = [
+pub const TROUBLES: [Trouble; 18] = [
     Trouble::ConnectionLost,
     Trouble::InterfaceDown,
     Trouble::BusOff,
+    Trouble::NoSamples,
     Trouble::BusErrors,
     Trouble::DamagedPackets,
     Trouble::StrayBytes,
@@ -80,6 +82,7 @@ impl Trouble {
             Trouble::ConnectionLost => "connection lost",
             Trouble::InterfaceDown => "interface down",
             Trouble::BusOff => "bus off",
+            Trouble::NoSamples => "no samples",
             Trouble::BusErrors => "bus errors",
             Trouble::DamagedPackets => "damaged packets",
             Trouble::StrayBytes => "bytes of no packet",
@@ -98,22 +101,24 @@ impl Trouble {
     }
 
     /// Whether it goes on although nothing more is counted.
-    fn lasts(self, link: &LinkStatus) -> bool {
+    fn lasts(self, counts: &Counts) -> bool {
         match self {
-            Trouble::ConnectionLost => link.down,
-            Trouble::InterfaceDown => link.bus_state == BusState::InterfaceDown,
-            Trouble::BusOff => link.bus_state == BusState::BusOff,
+            Trouble::ConnectionLost => counts.link.down,
+            Trouble::InterfaceDown => counts.link.bus_state == BusState::InterfaceDown,
+            Trouble::BusOff => counts.link.bus_state == BusState::BusOff,
+            Trouble::NoSamples => counts.silence.lasts,
             _ => false,
         }
     }
 
     /// How often it has shown.
     fn count(self, counts: &Counts) -> u64 {
-        let Counts { decode, link, imu } = counts;
+        let Counts { decode, link, imu, silence } = counts;
         match self {
             Trouble::ConnectionLost => link.losses,
             Trouble::InterfaceDown => u64::from(link.bus_state == BusState::InterfaceDown),
             Trouble::BusOff => link.bus_off,
+            Trouble::NoSamples => silence.count,
             Trouble::BusErrors => link.bus_errors,
             Trouble::DamagedPackets => decode.bad_checksum,
             Trouble::StrayBytes => decode.bytes_skipped + link.bytes_skipped,
@@ -173,6 +178,17 @@ pub struct Counts {
     pub link: LinkStatus,
     /// By the IMU path.
     pub imu: ImuCounters,
+    /// Silences during the alignment.
+    pub silence: Silence,
+}
+
+/// Samples that stopped coming before the alignment was over.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Silence {
+    /// How often they did.
+    pub count: u64,
+    /// Whether none come now.
+    pub lasts: bool,
 }
 
 /// A change to note.
@@ -196,7 +212,7 @@ struct Episode {
 /// Finds beginnings and ends of troubles in what a source has counted. Fixed size.
 ///
 /// A trouble begins when its count rises and is over when the count has stood still for [`QUIET`] and samples come
-/// again; a lost connection and a bus that is off or down also only once they are back.
+/// again; a lost connection, a bus that is off or down and silence also only once they are over themselves.
 #[derive(Clone, Debug, Default)]
 pub struct TroubleWatch {
     episodes: [Episode; TROUBLES.len()],
@@ -222,7 +238,7 @@ impl TroubleWatch {
             let count = trouble.count(counts);
             // A late packet takes back a loss: that is no new trouble.
             let rose = count > episode.seen;
-            let lasts = trouble.lasts(&counts.link);
+            let lasts = trouble.lasts(counts);
             match &mut episode.present {
                 None if rose => {
                     episode.present = Some((episode.seen, now));
@@ -255,6 +271,7 @@ mod tests {
             decode: DecodeCounters { bad_checksum, ..DecodeCounters::default() },
             imu: ImuCounters { readings: samples, ..ImuCounters::default() },
             link,
+            ..Counts::default()
         }
     }
 

@@ -227,43 +227,49 @@ pub enum SlcanEvent {
 #[derive(Clone, Debug, Default)]
 pub struct SlcanDecoder {
     line: [u8; MAX_LINE],
-    /// Bytes of the line so far; those past `line` are counted only.
+    /// Bytes of the line so far, or since they were reported as too many.
     filled: usize,
+    /// The line is longer than any; some of it has been reported.
+    too_long: bool,
 }
 
 impl SlcanDecoder {
-    /// Takes the next byte. A frame's first letter in the middle of another line reports what came before it.
+    /// Takes the next byte. A frame's first letter in the middle of another line reports what came before it, and bytes
+    /// without an end are reported as soon as they are too many: at a wrong baud rate no end may ever come.
     pub fn push(&mut self, byte: u8) -> Option<SlcanEvent> {
         match byte {
             END => Some(self.finish()),
             BEL => {
-                self.filled = 0;
+                (self.filled, self.too_long) = (0, false);
                 Some(SlcanEvent::Refused)
             }
             b't' | b'T' | b'r' | b'R' => {
                 let before = std::mem::take(&mut self.filled);
+                self.too_long = false;
                 self.keep(byte);
                 (before > 0).then_some(SlcanEvent::Skipped(before))
             }
             // Some firmware ends its lines with both.
-            b'\n' if self.filled == 0 => None,
+            b'\n' if self.filled == 0 && !self.too_long => None,
             _ => {
                 self.keep(byte);
-                None
+                (self.filled == MAX_LINE).then(|| {
+                    (self.filled, self.too_long) = (0, true);
+                    SlcanEvent::Skipped(MAX_LINE)
+                })
             }
         }
     }
 
     fn keep(&mut self, byte: u8) {
-        if let Some(slot) = self.line.get_mut(self.filled) {
-            *slot = byte;
-        }
-        self.filled = self.filled.saturating_add(1);
+        self.line[self.filled] = byte;
+        self.filled += 1;
     }
 
     fn finish(&mut self) -> SlcanEvent {
         let filled = std::mem::take(&mut self.filled);
-        match self.line.get(..filled) {
+        let whole = !std::mem::take(&mut self.too_long);
+        match self.line.get(..filled).filter(|_| whole) {
             Some([] | [b'z' | b'Z']) => SlcanEvent::Accepted,
             Some([b'V' | b'N' | b'F', answer @ ..]) if answer.iter().all(u8::is_ascii_alphanumeric) => {
                 SlcanEvent::Accepted

@@ -1,12 +1,16 @@
+use std::sync::{Arc, Mutex};
+
 use otolith_firmware_protocol::MAX_FRAME;
 use otolith_firmware_protocol::can::{CanMessage, Ids, Ranges};
-use otolith_firmware_protocol::message::{Batch16, Hello, Message};
+use otolith_firmware_protocol::message::{Batch16, Hello, Message, SampleF32};
 use otolith_firmware_protocol::stream::StreamEncoder;
 
 use super::*;
 use crate::device::can::bus::BusFault;
 use crate::device::protocol::native_can::NativeCanDecoder;
 use crate::device::protocol::native_serial::NativeSerialDecoder;
+use crate::device::reconnect::Reconnecting;
+use crate::device::testing::{Event, ManualClock, ScriptLink};
 use crate::imu::{Calibration, ImuSettings, Mount};
 
 /// Gives one frame at a time, then fails as a file does that cannot be read on.
@@ -31,27 +35,37 @@ impl SourceSink for Nowhere {
     fn event(&mut self, _at: HostTime, _text: &str) {}
 }
 
-/// A device that announces 1 kHz and sends batches of these sizes.
+/// A device that announces 1 kHz.
+const HELLO: Message<'static> = Message::Hello(Hello {
+    flags: 0,
+    device_id: 1,
+    firmware: 1,
+    rate_millihertz: 1_000_000,
+    gyro_scale: 1e-3,
+    accel_scale: 1e-3,
+    gyro_range_dps: 500,
+    accel_range_g: 4,
+    caps: 0,
+    name: b"batch",
+});
+
+fn frame(encoder: &mut StreamEncoder, message: &Message<'_>) -> Vec<u8> {
+    encoder.encode(message, &mut [0; MAX_FRAME]).unwrap().to_vec()
+}
+
+/// A sample at rest.
+fn rest(t_us: u32) -> Message<'static> {
+    Message::SampleF32(SampleF32 { t_us, gyro: [0.0; 3], accel: [0.0, 0.0, 9.807] })
+}
+
+/// A device that sends batches of these sizes.
 fn batches(sizes: &[usize], baud: u32) -> Source {
     let mut encoder = StreamEncoder::new();
-    let mut out = [0; MAX_FRAME];
-    let hello = Hello {
-        flags: 0,
-        device_id: 1,
-        firmware: 1,
-        rate_millihertz: 1_000_000,
-        gyro_scale: 1e-3,
-        accel_scale: 1e-3,
-        gyro_range_dps: 500,
-        accel_range_g: 4,
-        caps: 0,
-        name: b"batch",
-    };
-    let mut frames = vec![encoder.encode(&Message::Hello(hello), &mut out).unwrap().to_vec()];
+    let mut frames = vec![frame(&mut encoder, &HELLO)];
     for (k, &size) in sizes.iter().enumerate() {
         let rows = vec![Batch16::row([0; 3], [0, 0, 9807]); size];
         let batch = Message::Batch16(Batch16 { t_us: 1000 * k as u32, dt_us: 1000, rows: &rows });
-        frames.push(encoder.encode(&batch, &mut out).unwrap().to_vec());
+        frames.push(frame(&mut encoder, &batch));
     }
     let pipeline = ImuPipeline::new(&ImuSettings::default(), Calibration::default(), Mount::default(), 9.81);
     let link = Box::new(Frames(frames, Vec::new()));
@@ -197,4 +211,79 @@ fn what_a_bus_says_becomes_an_event_once() {
             "receive stamps of the kernel cannot be right",
         ]
     );
+}
+
+/// A link that is lost after half a frame; the next one begins with the other half of another.
+#[test]
+fn what_comes_over_a_new_link_does_not_end_what_came_over_the_lost_one() {
+    let mut encoder = StreamEncoder::new();
+    let [hello, first, second] = [HELLO, rest(1000), rest(2000)].map(|message| frame(&mut encoder, &message));
+    let mut links = [
+        ScriptLink::new([Event::Piece(HostTime(1), [&hello, &first[..10]].concat()), Event::Lost]),
+        ScriptLink::new([Event::Piece(HostTime(2), [&first[10..], &second].concat())]),
+    ]
+    .into_iter();
+    let clock = Arc::new(ManualClock::default());
+    let opener = move || Ok(links.next().expect("a link"));
+    let link = Reconnecting::open(opener, clock).expect("opens");
+    let pipeline = ImuPipeline::new(&ImuSettings::default(), Calibration::default(), Mount::default(), 9.81);
+    let mut source = Source::new(Box::new(link), Box::new(NativeSerialDecoder::new()), pipeline, None);
+    while !matches!(source.poll(Duration::from_millis(50), &mut Nowhere), Ok(Polled::Ended)) {}
+    assert_eq!((source.facts().link.reconnects, source.facts().imu.readings), (1, 1));
+}
+
+/// Gives what is put into it, and its state.
+#[derive(Clone, Default)]
+struct Tap(Arc<Mutex<(Vec<(HostTime, Vec<u8>)>, LinkStatus)>>, Vec<u8>);
+
+impl Link for Tap {
+    fn receive(&mut self, _timeout: Duration) -> Result<Option<(HostTime, Traffic<'_>)>, LinkError> {
+        let (pieces, _) = &mut *self.0.lock().expect("whole");
+        if pieces.is_empty() {
+            return Ok(None);
+        }
+        let (at, bytes) = pieces.remove(0);
+        self.1 = bytes;
+        Ok(Some((at, Traffic::Bytes(&self.1))))
+    }
+
+    fn status(&self) -> LinkStatus {
+        self.0.lock().expect("whole").1
+    }
+}
+
+#[test]
+fn samples_that_stop_coming_are_a_trouble_until_the_sensor_is_aligned() {
+    let ms = |ms: u64| HostTime(ms * 1_000_000);
+    let pipeline = ImuPipeline::new(&ImuSettings::default(), Calibration::default(), Mount::default(), 9.81);
+    let tap = Tap::default();
+    let mut source = Source::new(Box::new(tap.clone()), Box::new(NativeSerialDecoder::new()), pipeline, None);
+    let mut encoder = StreamEncoder::new();
+    tap.0.lock().expect("whole").0.push((ms(0), frame(&mut encoder, &HELLO)));
+    let mut events = Events::default();
+    // Samples every 10 ms from the first time to before the second, and then silence up to a third: what is said of it.
+    let mut play = |from: u64, until: u64, silent_at: u64, status: LinkStatus| {
+        for at in (from..until).step_by(10) {
+            let sample = frame(&mut encoder, &rest(1000 * at as u32));
+            tap.0.lock().expect("whole").0.push((ms(at), sample));
+        }
+        tap.0.lock().expect("whole").1 = status;
+        while !matches!(source.poll(Duration::ZERO, &mut events), Ok(Polled::Silence)) {}
+        source.note_silence(ms(silent_at), &mut events);
+        events.0.retain(|event| event.ends_with("no samples"));
+        std::mem::take(&mut events.0)
+    };
+    let nothing: [&str; 0] = [];
+    let good = LinkStatus::default();
+    assert_eq!(play(0, 0, 900, good), nothing, "none has come yet");
+    assert_eq!(play(1000, 1010, 9000, good), nothing, "one sample has no rate");
+    assert_eq!(play(1010, 1110, 1140, good), nothing, "40 ms");
+    assert_eq!(play(0, 0, 1141, good), ["trouble: no samples"]);
+    assert_eq!(play(0, 0, 1500, good), nothing, "it goes on");
+    assert_eq!(play(1500, 1770, 1780, good), ["over: 1 no samples"]);
+    let lost = LinkStatus { down: true, losses: 1, ..good };
+    assert_eq!(play(0, 0, 1900, lost), nothing, "the loss explains it");
+    let back = LinkStatus { reconnects: 1, down: false, ..lost };
+    assert_eq!(play(1900, 2300, 2310, back), nothing);
+    assert_eq!(play(2300, 2400, 9000, back), nothing, "samples that are given out have an age");
 }

@@ -1,34 +1,27 @@
 //! What can happen to a stream, and what must come of it.
 
-use std::io::ErrorKind;
 use std::sync::Arc;
 
 use otolith::device::LinkStatus;
 use otolith::device::can::bus::BusState;
 use otolith::device::fault::WrongBaud;
+use otolith::device::reconnect::FIRST_RETRY;
 use otolith::runtime::trouble::Trouble;
 
-use super::streams::{Content, Packet, Sample, Stream};
+use super::device::{NODE, OTHER_NODE, Outage, StatusAt};
+use super::fault_bench::{ALIGNED_MS, Expected, Sign};
+use super::streams::{Carrier, Content, Counting, Packet, Parts, Sample, Stream};
 
 /// Length of the faults that have one, ms.
 const LENGTH_MS: u64 = 300;
-/// Before this time the samples are held back to align the sensor, ms.
-pub(super) const ALIGNED_MS: u64 = 1_000;
+/// A device that is unplugged is back after this, ms: between the first and the second attempt to reopen it.
+const UNPLUGGED_MS: u64 = 200;
+/// The second attempt to reopen comes so long after the loss: one pause, and one of twice the length, ms.
+const REOPENED_MS: u64 = 3 * FIRST_RETRY.as_millis() as u64;
 /// Device time of the first sample, µs, but for the wrap.
 const START_US: u64 = 100_000_000;
 /// How far the device's clock jumps, µs.
 const JUMP_US: u64 = 10_000_000;
-
-/// What names a fault.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Sign {
-    Trouble(Trouble),
-    /// The newest sample is too old: `LinkHealth` is no longer live.
-    Silence,
-}
-
-/// The link's state at a time, ms.
-pub(super) type StatusAt = Arc<dyn Fn(u64) -> LinkStatus + Send + Sync>;
 
 /// What a protocol that counts its packets must count as missing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,11 +37,9 @@ pub(super) enum Missing {
 /// A stream with a fault in it.
 pub(super) struct Case {
     pub(super) packets: Vec<Packet>,
+    pub(super) outage: Option<Outage>,
     pub(super) status: StatusAt,
-    pub(super) begins_ms: u64,
-    pub(super) ends_ms: u64,
-    /// Any of these is the name of the fault; none means that nothing must be named.
-    pub(super) signs: Vec<Sign>,
+    pub(super) expected: Expected,
     /// Samples that may be lost to it, fewest and most.
     pub(super) lost: (u64, u64),
     pub(super) missing: Missing,
@@ -56,8 +47,16 @@ pub(super) struct Case {
     pub(super) repeated: u64,
 }
 
-pub(super) const FAULTS: [&str; 20] = [
+impl Case {
+    fn named(mut self, troubles: impl IntoIterator<Item = Trouble>) -> Self {
+        self.expected.signs.extend(troubles.into_iter().map(Sign::Trouble));
+        self
+    }
+}
+
+pub(super) const FAULTS: [&str; 21] = [
     "unplug, replug",
+    "unplug, replug as another node",
     "byte flipped",
     "byte inserted",
     "byte deleted",
@@ -98,41 +97,36 @@ pub(super) fn case(fault: &str, stream: &Stream, at_ms: u64, end_ms: u64) -> Res
     let in_span = move |at_ms: u64| (begins_ms..ends_ms).contains(&at_ms);
     let in_case = |packets| Case {
         packets,
+        outage: None,
         status: Arc::new(|_| LinkStatus::default()),
-        begins_ms,
-        ends_ms: begins_ms,
-        signs: Vec::new(),
+        expected: Expected { begins_ms, ends_ms: begins_ms, signs: Vec::new() },
         lost: (0, 0),
         missing: Missing::AtLeast(0),
         repeated: 0,
     };
-    let only_can = || if stream.is_can() { Ok(()) } else { Err("not a CAN bus") };
-    let only_bytes = || if stream.is_can() { Err("the controller drops damaged frames") } else { Ok(()) };
+    let only_can = || match stream.carrier {
+        Carrier::Can => Ok(()),
+        Carrier::Bytes => Err("not a CAN bus"),
+        Carrier::Slcan => Err("the adapter does not tell"),
+    };
+    let only_bytes =
+        || if stream.carrier == Carrier::Can { Err("the controller drops damaged frames") } else { Ok(()) };
     let has_clock = || if stream.has_device_time { Ok(()) } else { Err("no device time") };
     Ok(match fault {
         "no fault" => in_case(packets),
-        "unplug, replug" | "interface removed" => {
-            if fault == "interface removed" {
-                only_can()?;
-            }
-            let mut case = spanned(stream, in_case(packets), ends_ms);
-            case.signs = vec![Sign::Trouble(Trouble::ConnectionLost)];
-            case.status = Arc::new(move |now_ms| LinkStatus {
-                down: in_span(now_ms),
-                losses: u64::from(now_ms >= begins_ms),
-                reconnects: u64::from(now_ms >= ends_ms),
-                last_loss: (now_ms >= begins_ms).then_some(ErrorKind::BrokenPipe),
-                ..LinkStatus::default()
-            });
-            // Whether the device counted on while nobody listened is not known.
-            case.missing = Missing::Unknown;
-            case
+        "unplug, replug" => unplugged(stream, in_case(packets), NODE),
+        "unplug, replug as another node" if stream.carrier == Carrier::Can => {
+            return Err("a CAN interface is known by its name alone");
         }
-        "byte flipped" if stream.is_can() => {
-            // The gyroscope's half of a sample.
-            let mut case = in_case(without(packets, |k| k + 1 == hit));
-            (case.signs, case.lost) = (vec![Sign::Trouble(Trouble::LoneHalves)], (1, 1));
-            case.missing = Missing::AsLost;
+        "unplug, replug as another node" => unplugged(stream, in_case(packets), OTHER_NODE),
+        "interface removed" => {
+            only_can()?;
+            unplugged(stream, in_case(packets), NODE)
+        }
+        "byte flipped" if stream.carrier == Carrier::Can && !stream.has_checksum => {
+            // The controller drops the frame before the one that ends a sample.
+            let mut case = in_case(without(packets, |k| k + 1 == hit)).named([Trouble::LoneHalves]);
+            (case.lost, case.missing) = ((1, 1), Missing::AsLost);
             case
         }
         "byte flipped" if !stream.has_checksum => return Err("a changed digit is a digit: no checksum"),
@@ -144,7 +138,9 @@ pub(super) fn case(fault: &str, stream: &Stream, at_ms: u64, end_ms: u64) -> Res
             only_bytes()?;
             damaged(stream, in_case(packets), hit, |bytes| bytes.insert(bytes.len() / 2, b'Z'))
         }
-        "byte deleted" if !stream.has_checksum => return Err("a missing digit leaves a number: no checksum"),
+        "byte deleted" if !stream.has_checksum && stream.carrier == Carrier::Bytes => {
+            return Err("a missing digit leaves a number: no checksum");
+        }
         "byte deleted" => {
             only_bytes()?;
             damaged(stream, in_case(packets), hit, |bytes| {
@@ -168,15 +164,14 @@ pub(super) fn case(fault: &str, stream: &Stream, at_ms: u64, end_ms: u64) -> Res
                     _ => 1000 * (sample.at_ms - begins_ms),
                 };
             }
-            let mut case = in_case(stream.packets(&late));
             // A tick of 16 bits that jumps is first of all a gap.
-            case.signs = vec![Sign::Trouble(Trouble::ClockStep), Sign::Trouble(Trouble::Gap)];
+            let mut case = in_case(stream.packets(&late)).named([Trouble::ClockStep, Trouble::Gap]);
             case.lost = (0, 2);
             case
         }
         "clock wraps" => {
             has_clock()?;
-            let wraps_after_us = stream.wraps_after_us.ok_or("64 bits: it does not wrap")?;
+            let wraps_after_us = stream.wraps_after_us.ok_or("it does not wrap")?;
             let mut wrapping = samples(stream, end_ms, wraps_after_us - 1000 * begins_ms);
             wrapping.iter_mut().for_each(|sample| sample.device_us %= wraps_after_us);
             in_case(stream.packets(&wrapping))
@@ -186,88 +181,90 @@ pub(super) fn case(fault: &str, stream: &Stream, at_ms: u64, end_ms: u64) -> Res
             let mut doubled = packets;
             doubled.insert(hit, doubled[hit].clone());
             let mut case = in_case(doubled);
-            (case.signs, case.repeated) = (vec![Sign::Trouble(Trouble::RepeatedPackets)], 1);
-            case
+            if stream.parts == Parts::InOrder {
+                return Ok(case.named([Trouble::LoneHalves]));
+            }
+            case.repeated = 1;
+            case.named([Trouble::RepeatedPackets])
         }
         "packets swapped" => {
             has_clock()?;
             let mut swapped = packets;
             swapped.swap(hit, hit + 1);
             let mut case = in_case(swapped);
-            case.signs = vec![Sign::Trouble(Trouble::RepeatedPackets), Sign::Trouble(Trouble::LoneHalves)];
-            (case.lost, case.repeated) = if stream.is_can() { ((2, 2), 0) } else { ((1, 1), 1) };
-            case
+            (case.lost, case.repeated) = if stream.parts == Parts::One { ((1, 1), 1) } else { ((2, 2), 0) };
+            if stream.parts == Parts::InOrder {
+                case.missing = Missing::AsLost;
+            }
+            case.named([Trouble::RepeatedPackets, Trouble::LoneHalves])
         }
         "rate halved" => {
             has_clock()?;
+            let all = clean.len();
             let mut slower = clean;
             slower.retain(|sample| {
                 sample.at_ms < begins_ms || (sample.at_ms - begins_ms) / stream.period_ms % 2 == 1
             });
-            let missing =
-                (stream.packets(&samples(stream, end_ms, START_US)).iter().filter(|p| p.sample).count()
-                    - slower.len()) as u64;
-            let mut case = in_case(stream.packets(&slower));
-            (case.signs, case.lost) = (vec![Sign::Trouble(Trouble::RateChange)], (missing, missing));
+            let lost = (all - slower.len()) as u64;
+            let mut case = in_case(stream.packets(&slower)).named([Trouble::RateChange]);
+            case.lost = (lost, lost);
             case
         }
         "saturation" | "NaN" => {
             let content = if fault == "NaN" { Content::NotANumber } else { Content::Saturated };
-            match content {
-                Content::NotANumber if stream.is_can() => return Err("integers only"),
-                Content::Saturated if !stream.tells_clipping => {
-                    return Err("full scale is not in the stream");
-                }
-                _ => {}
-            }
+            let named = match content {
+                Content::NotANumber => stream.not_a_number?,
+                _ if stream.tells_clipping => Trouble::Clipping,
+                _ => return Err("full scale is not in the stream"),
+            };
             let mut changed = clean;
             let mut count = 0;
             for sample in changed.iter_mut().filter(|sample| in_span(sample.at_ms)) {
                 sample.content = content;
                 count += 1;
             }
-            let mut case = in_case(stream.packets(&changed));
-            case.ends_ms = ends_ms;
-            (case.signs, case.lost) = match content {
-                // A log line with `nan` is a line that does not read.
-                Content::NotANumber if !stream.can_say_nan => {
-                    (vec![Sign::Trouble(Trouble::DamagedPackets)], (count, count))
-                }
-                Content::NotANumber => (vec![Sign::Trouble(Trouble::NotFinite)], (count, count)),
-                _ => (vec![Sign::Trouble(Trouble::Clipping)], (0, 0)),
-            };
+            let mut case = in_case(stream.packets(&changed)).named([named]);
+            case.expected.ends_ms = ends_ms;
+            if content == Content::NotANumber {
+                case.lost = (count, count);
+            }
             case
         }
-        "silence" if begins_ms < ALIGNED_MS => return Err("no sample is given out yet: waiting"),
         "silence" => {
             let mut silent = clean;
             let all = silent.len();
             silent.retain(|sample| !in_span(sample.at_ms));
             let lost = (all - silent.len()) as u64;
             let mut case = in_case(stream.packets(&silent));
-            (case.signs, case.ends_ms, case.lost) = (vec![Sign::Silence], ends_ms, (lost, lost));
+            case.expected.ends_ms = ends_ms;
+            case.lost = (lost, lost);
+            if stream.counting == Counting::Clock {
+                // By its clock a device that pauses is one whose packets are lost.
+                case.missing = Missing::AsLost;
+            }
+            if begins_ms < ALIGNED_MS {
+                case = case.named([Trouble::NoSamples]);
+            }
+            // A stream that begins in motion is given out at once, and has an age.
+            case.expected.signs.push(Sign::Stale);
             case
         }
         "receive overflow" => {
-            let mut case = spanned(stream, in_case(packets), begins_ms + 40);
-            case.signs =
-                vec![Sign::Trouble(Trouble::MissingPackets), Sign::Trouble(Trouble::Gap), Sign::Silence];
-            case
+            let case = spanned(stream, in_case(packets), begins_ms + 40);
+            case.named([Trouble::MissingPackets, Trouble::Gap])
         }
         "bus off" | "interface down" => {
             only_can()?;
             let is_bus_off = fault == "bus off";
             let mut case = spanned(stream, in_case(packets), ends_ms);
             let state = if is_bus_off { BusState::BusOff } else { BusState::InterfaceDown };
-            case.signs =
-                vec![Sign::Trouble(if is_bus_off { Trouble::BusOff } else { Trouble::InterfaceDown })];
             case.status = Arc::new(move |now_ms| LinkStatus {
                 bus_errors: u64::from(now_ms >= begins_ms),
                 bus_off: u64::from(is_bus_off && now_ms >= begins_ms),
                 bus_state: if in_span(now_ms) { state } else { BusState::ErrorActive },
                 ..LinkStatus::default()
             });
-            case
+            case.named([if is_bus_off { Trouble::BusOff } else { Trouble::InterfaceDown }])
         }
         other => unreachable!("{other}"),
     })
@@ -277,32 +274,44 @@ fn without(packets: Vec<Packet>, gone: impl Fn(usize) -> bool) -> Vec<Packet> {
     packets.into_iter().enumerate().filter(|(k, _)| !gone(*k)).map(|(_, packet)| packet).collect()
 }
 
+/// The device is pulled out, and back at `node` before the second attempt to reopen it. What it sends until then is lost.
+fn unplugged(stream: &Stream, case: Case, node: &'static str) -> Case {
+    let (packets, out_ms) = (case.packets.clone(), case.expected.begins_ms);
+    let mut case = spanned(stream, case, out_ms + REOPENED_MS);
+    case.packets = packets;
+    let back_ms = out_ms + UNPLUGGED_MS;
+    case.outage = Some(Outage { out_ms, back_ms, node, has_serial_number: true });
+    case.expected.ends_ms = back_ms;
+    // Opening an adapter takes in what comes first.
+    case.lost.1 += u64::from(stream.carrier == Carrier::Slcan);
+    // Whether the device counted on while nobody listened is not known.
+    case.missing = Missing::Unknown;
+    case.named([Trouble::ConnectionLost])
+}
+
 /// Packets from the fault's beginning to `ends_ms` do not arrive.
 fn spanned(stream: &Stream, mut case: Case, ends_ms: u64) -> Case {
-    let (begins_ms, all) = (case.begins_ms, std::mem::take(&mut case.packets));
+    let (begins_ms, all) = (case.expected.begins_ms, std::mem::take(&mut case.packets));
     let (gone, left): (Vec<_>, Vec<_>) =
         all.into_iter().partition(|packet| (begins_ms..ends_ms).contains(&packet.at_ms));
-    let lost = gone.iter().filter(|packet| packet.sample).count() as u64;
-    case.lost = (lost, lost);
-    // Of a CAN device only the halves of samples are counted.
-    let counted = |packet: &&Packet| !stream.is_can() || packet.id.is_some_and(|id| id & 0xF < 2);
-    case.missing = Missing::AtLeast(gone.iter().filter(counted).count() as u64);
-    (case.packets, case.ends_ms) = (left, ends_ms);
+    let samples = gone.iter().filter(|packet| packet.sample).count() as u64;
+    let packets = gone.iter().filter(|packet| packet.counted).count() as u64;
+    case.lost = (samples, samples);
+    case.missing = Missing::AtLeast(if stream.counting == Counting::Clock { samples } else { packets });
+    (case.packets, case.expected.ends_ms) = (left, ends_ms);
     case
 }
 
 /// One packet arrives damaged. Where packets are told apart by what stands between them, the next may go with it.
 fn damaged(stream: &Stream, mut case: Case, hit: usize, damage: impl Fn(&mut Vec<u8>)) -> Case {
     damage(&mut case.packets[hit].bytes);
-    case.signs = vec![Sign::Trouble(Trouble::DamagedPackets), Sign::Trouble(Trouble::StrayBytes)];
-    let delimited = matches!(stream.name, "otolith-serial" | "text");
-    (case.lost, case.missing) = ((1, if delimited { 2 } else { 1 }), Missing::AsLost);
-    case
+    (case.lost, case.missing) = ((1, if stream.delimited { 2 } else { 1 }), Missing::AsLost);
+    case.named([Trouble::DamagedPackets, Trouble::StrayBytes])
 }
 
 /// The port reads at half the device's baud for a while: each byte comes as it would.
 fn wrong_baud(stream: &Stream, case: Case, ends_ms: u64) -> Case {
-    let begins_ms = case.begins_ms;
+    let begins_ms = case.expected.begins_ms;
     let damaged: Vec<Packet> = case
         .packets
         .iter()
@@ -313,11 +322,9 @@ fn wrong_baud(stream: &Stream, case: Case, ends_ms: u64) -> Case {
         .collect();
     let mut case = spanned(stream, case, ends_ms);
     case.packets = damaged;
-    case.signs =
-        vec![Sign::Trouble(Trouble::DamagedPackets), Sign::Trouble(Trouble::StrayBytes), Sign::Silence];
     // Where packets are told apart by what stands between them, the first good one may go with the last bad one.
     case.lost.1 += 1;
-    case
+    case.named([Trouble::DamagedPackets, Trouble::StrayBytes])
 }
 
 fn misread(sent: &[u8]) -> Vec<u8> {

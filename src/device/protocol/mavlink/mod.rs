@@ -29,6 +29,7 @@ use std::cell::Cell;
 pub(in crate::device) mod frame;
 mod imu;
 mod messages;
+mod sequence;
 
 use super::followed::Followed;
 use super::frames::{FrameScanner, Look};
@@ -36,6 +37,7 @@ use super::{DecodeCounters, ImuReading, PacketDecoder};
 use crate::device::Traffic;
 use frame::{Frame, Judgement, Trust};
 use imu::ImuMessage;
+use sequence::Sequence;
 
 const HEARTBEAT: u32 = 0;
 /// Place of the autopilot's kind in a heartbeat.
@@ -43,8 +45,6 @@ const AUTOPILOT_AT: usize = 5;
 const ARDUPILOT: u8 = 3;
 /// Kind in heartbeats of components that are no autopilot.
 const NO_AUTOPILOT: u8 = 8;
-/// A step of the sequence number longer than this is a restart or disorder, no count of losses.
-const LONGEST_GAP: u8 = 128;
 
 /// Decodes MAVLink 2 and 1.
 ///
@@ -92,9 +92,8 @@ type Stream = (u8, u8, u32, u8);
 #[derive(Debug)]
 struct Content {
     followed: Followed<Stream>,
-    /// Last sequence number of the component in use.
-    sequence: Option<u8>,
-    missing: u64,
+    /// Of the component in use.
+    sequence: Sequence,
     unknown: u64,
     cut_short: u64,
     version_1: u64,
@@ -108,8 +107,7 @@ impl Default for Content {
     fn default() -> Self {
         Self {
             followed: Followed::default(),
-            sequence: None,
-            missing: 0,
+            sequence: Sequence::default(),
             unknown: 0,
             cut_short: 0,
             version_1: 0,
@@ -136,8 +134,11 @@ impl Content {
         match imu::read(&frame) {
             Some(ImuMessage::Sample { sensor, reading }) => {
                 let stream = (frame.system, frame.component, frame.message, sensor);
+                let before = self.followed.stream();
                 if self.followed.takes(0, stream) {
-                    self.sequence = Some(frame.sequence);
+                    if before != Some(stream) {
+                        self.sequence.begin(frame.sequence);
+                    }
                     on_reading(reading);
                 }
             }
@@ -150,14 +151,8 @@ impl Content {
     /// Frames missing before this one, if it is of the component in use.
     fn count_losses(&mut self, frame: &Frame<'_>) {
         let Some((system, component, ..)) = self.followed.stream() else { return };
-        if (frame.system, frame.component) != (system, component) {
-            return;
-        }
-        if let Some(last) = self.sequence.replace(frame.sequence) {
-            let step = frame.sequence.wrapping_sub(last);
-            if (1..=LONGEST_GAP).contains(&step) {
-                self.missing += u64::from(step - 1);
-            }
+        if (frame.system, frame.component) == (system, component) {
+            self.sequence.take(frame.sequence);
         }
     }
 }
@@ -177,7 +172,7 @@ impl PacketDecoder for MavlinkDecoder {
 
     fn counters(&self) -> DecodeCounters {
         DecodeCounters {
-            missing: self.content.missing,
+            missing: self.content.sequence.missing(),
             unknown: self.content.unknown,
             lone_halves: self.content.halves,
             ..self.scanner.counters().into()
@@ -187,7 +182,7 @@ impl PacketDecoder for MavlinkDecoder {
     fn rejoin(&mut self) {
         self.scanner.rejoin();
         self.content.followed.restart();
-        self.content.sequence = None;
+        self.content.sequence.forget();
     }
 
     fn finish(&mut self, on_reading: &mut dyn FnMut(ImuReading)) {

@@ -153,7 +153,7 @@ pub(super) struct Measured {
 pub(super) enum Said {
     /// An angular rate, and a specific force if the sentence has one.
     Measured(Measured),
-    /// A sentence of measurements with fields that are missing or no numbers.
+    /// A sentence of measurements with fields that are missing or do not read.
     Unreadable,
     /// The device reports an error.
     Error(u8),
@@ -173,17 +173,20 @@ pub(super) fn read(body: &[u8]) -> Said {
         let without_rate = WITHOUT_RATE.iter().find(|name| is_this(name));
         return without_rate.map_or(Said::Other, |name| Said::WithoutRate(**name));
     };
-    let mut numbers = [f64::NAN; 15];
+    let mut numbers = [None; 15];
     let fields = body.split(|&byte| byte == b',').skip(1);
     for (number, field) in numbers.iter_mut().zip(fields) {
-        *number = std::str::from_utf8(field).ok().and_then(|text| text.parse().ok()).unwrap_or(f64::NAN);
+        *number = std::str::from_utf8(field).ok().and_then(|text| text.parse().ok());
     }
-    let vector = |at: usize| Vector3::from_column_slice(&numbers[at..at + 3]);
-    let (omega_imu, specific_force_imu) = (vector(omega_at), force_at.map(vector));
-    let finite = |vector: &Vector3<f64>| vector.iter().all(|value| value.is_finite());
-    if finite(&omega_imu) && specific_force_imu.as_ref().is_none_or(finite) {
-        Said::Measured(Measured { name: *name, omega_imu, specific_force_imu })
-    } else {
-        Said::Unreadable
+    let vector = |at: usize| match numbers[at..at + 3] {
+        [Some(x), Some(y), Some(z)] => Some(Vector3::new(x, y, z)),
+        _ => None,
+    };
+    let specific_force_imu = force_at.and_then(vector);
+    match vector(omega_at) {
+        Some(omega_imu) if specific_force_imu.is_some() == force_at.is_some() => {
+            Said::Measured(Measured { name: *name, omega_imu, specific_force_imu })
+        }
+        _ => Said::Unreadable,
     }
 }

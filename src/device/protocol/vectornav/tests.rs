@@ -186,6 +186,9 @@ fn floats_are_given_out_as_they_are_and_fields_must_read() {
     let text = b"$VNGYR,+00.1,,+00.3*7A\r\n$VNGYR,+00.1*4C\r\n";
     let (readings, counters, _) = decode(VectorNavDecoder::new(), [&text[..], &stream[..]]);
     assert_eq!((readings.len(), counters.packets, counters.unknown), (3, 5, 2));
+    let text = ascii::sentence("VNGYR,+00.1,nan,+00.3");
+    let (readings, counters, _) = decode(VectorNavDecoder::new(), [&text[..]]);
+    assert!(readings.len() == 1 && readings[0].omega_imu.y.is_nan() && counters.unknown == 0);
 }
 
 #[test]

@@ -71,6 +71,20 @@ fn lines_that_are_no_frames_are_counted() {
 }
 
 #[test]
+fn bytes_without_an_end_are_reported_as_they_come() {
+    let mut decoder = SlcanDecoder::default();
+    let mut reported = 0;
+    for count in 1..=1000 {
+        if let Some(SlcanEvent::Skipped(bytes)) = decoder.push(b'\xF8') {
+            reported += bytes;
+        }
+        assert!(reported <= count && count - reported < MAX_LINE, "{reported} of {count}");
+    }
+    assert_eq!(decoder.push(END), Some(SlcanEvent::Skipped(1001 - reported)), "no answer");
+    assert_eq!(decoder.push(END), Some(SlcanEvent::Accepted));
+}
+
+#[test]
 fn commands_are_as_documented() {
     for (index, bitrate) in BITRATES.into_iter().enumerate() {
         assert_eq!(Command::bitrate(bitrate).map(Command::line), Some(format!("S{index}\r")));
