@@ -76,9 +76,9 @@ impl Guide {
         let still = "up and keep it still for 3 s";
         match self.settings.poses.as_deref().and_then(|named| named.get(made).map(|up| (up, named.len()))) {
             Some((up, count)) => {
-                let axis = ["x (front)", "y (left side)", "z (top)"][up.iamax()];
-                let sense = if up.sum() < 0.0 { "-" } else { "" };
-                format!("pose {} of {count}: turn the head's {sense}{axis} {still}", made + 1)
+                let sides = [("front", "back"), ("left side", "right side"), ("top", "bottom")][up.iamax()];
+                let side = if up.sum() < 0.0 { sides.1 } else { sides.0 };
+                format!("pose {} of {count}: turn the head's {side} {still}", made + 1)
             }
             None => {
                 format!("pose {}: turn another side {still}; sensor axes to come: {}", made + 1, self.missing)
@@ -140,9 +140,13 @@ impl Guide {
         let far = |m: &Movement| counted.is_none_or(|angle| m.turning.angle.norm() >= LEAST_COUNTED * angle);
         let spin = segments.movements.iter().rfind(|m| m.kind == MovementKind::Spin && far(m));
         let needs_spin = counted.is_some() || (self.settings.poses.is_none() && self.settings.up == Up::Spin);
+        // Of a rest that another movement ended there is no more to come.
+        let may_grow = |rest: Option<usize>| rest.is_none_or(|rest| rest + 1 == segments.rests.len());
         match spin {
             _ if !needs_spin => Step::Done,
-            Some(spin) if rest_s(spin.rest_after) < LAST_REST_S => Step::LastRest,
+            Some(spin) if may_grow(spin.rest_after) && rest_s(spin.rest_after) < LAST_REST_S => {
+                Step::LastRest
+            }
             Some(_) => Step::Done,
             None => Step::Spin,
         }

@@ -145,6 +145,11 @@ impl Study<'_> {
     ) -> Option<(Rotation3<f64>, MountEstimate)> {
         const NAMES: &str = "--poses names the head's direction that is up in each pose, in the order of time, for example \
                              z,-z,x,-x,y,-y; lay the sensor down only in these";
+        // The chair that is turned afterwards rests as well.
+        let poses = match self.settings.counted {
+            Some(_) if poses.len() > named.len() => &poses[..named.len()],
+            _ => poses,
+        };
         if poses.len() != named.len() {
             let why = format!("{} poses were named and {} were found", named.len(), poses.len());
             self.refuse("mount", why, NAMES, true);

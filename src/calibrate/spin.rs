@@ -117,13 +117,15 @@ impl<'a> Study<'a> {
                 angle.value,
                 angle.sigma,
                 match self.settings.up {
+                    _ if self.settings.poses.is_some() => "poses",
                     Up::Spin => "spin",
                     Up::Shake => "shake",
                     Up::Gravity => "gravity",
                 }
             ));
         }
-        if self.segments.spins().count() > 1 {
+        // Turning to another pose is a spin, too.
+        if self.settings.poses.is_none() && self.segments.spins().count() > 1 {
             self.notes.push("there are several spins: the one that turns furthest is used".to_owned());
         }
     }

@@ -97,7 +97,8 @@ pub struct CommandedPlateau {
 impl ProfileReport {
     /// What speaks against this being the profile of these data.
     pub(super) fn doubt(&self) -> Option<String> {
-        let squares: f64 = self.plateaus.iter().map(|plateau| plateau.commanded_deg_s.powi(2)).sum();
+        let told = self.plateaus.iter().map(|plateau| plateau.commanded_deg_s);
+        let squares: f64 = told.map(|rate| rate * rate).sum();
         let commanded = (squares / self.plateaus.len() as f64).sqrt();
         (self.rms_error_deg_s > DOUBTFUL_SHARE * commanded).then(|| {
             format!(

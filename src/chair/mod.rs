@@ -228,7 +228,7 @@ fn profile_report(
 /// What a run should be told about a sensor that lies upside down.
 fn downwards(spin: Option<&SpinReport>) -> Option<String> {
     let spin = spin.filter(|spin| spin.sense_known && spin.axis.axis_imu[2] < 0.0)?;
-    Some(crate::imu::points_down(spin.axis.axis_imu[2].acos().to_degrees()))
+    Some(crate::imu::points_down(libm::acos(spin.axis.axis_imu[2]).to_degrees()))
 }
 
 /// Measured against commanded.

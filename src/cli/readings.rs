@@ -118,7 +118,8 @@ impl ReadingsArgs {
         stop_on_ctrl_c(&signals)?;
         // The time of a device that falls silent must end, too.
         let live = is_live(&selector);
-        let ends_at = self.duration_s.filter(|_| live).map(|s| clock.now() + Duration::from_secs_f64(s));
+        let ends_at =
+            self.duration_s.filter(|_| live).map(|s| clock.now() + Duration::from_secs_f64(s.min(1e9)));
         let mut collector = Collector::new(name, self.duration_s.filter(|_| !live));
         let mut line = live.then(|| LineWatch { name, heard_at: clock.now(), silent: false, down: false });
         let mut seen = 0;

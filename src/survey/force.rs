@@ -63,8 +63,9 @@ struct Block {
 impl TurningForce {
     /// Takes the force of `spin` and the rests around it apart; `up` is the axis.
     ///
-    /// `up_covariance` that of its direction. `None` without a rest next to the spin, without an accelerometer, or where the equations have no solution. Where
-    /// they hardly have one, for a slow spin or less than half a turn, the covariances say so.
+    /// `up_covariance` is that of its direction. `None` without a rest next to the spin, without an accelerometer, or where
+    /// the equations have no solution. Where they hardly have one, for a slow spin or less than half a turn, the covariances
+    /// say so.
     pub fn fit(
         samples: &[Sample],
         rests: &[Span],

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
+use super::turning::PAUSE_S;
 use super::{Bias, Mean, Sample, Turning, median};
 use crate::imu::{ImuSample, MIN_REST_SAMPLES, RestDetector, RestLimits};
 use crate::time::HostTime;
@@ -16,9 +17,6 @@ const TRIM_S: f64 = 0.2;
 /// Windows at the ends of a rest whose mean rate is further from the others' than this many standard deviations of
 /// theirs belong to a movement.
 const ONSET_SIGMAS: f64 = 4.0;
-/// After a pause of the data of this length nobody knows what happened in it, s: it ends a rest, and a movement back and
-/// forth with such a pause in it is none that is measured.
-const PAUSE_S: f64 = 1.0;
 /// A spin turns at least this far, rad, ...
 const LEAST_SPIN: f64 = 90.0 * RAD_PER_DEG;
 /// ... and so much of its path in one direction.

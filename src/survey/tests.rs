@@ -144,6 +144,8 @@ fn a_pause_of_the_data_ends_a_rest_and_spoils_a_nod() {
     assert_eq!((segments.rests.len(), segments.movements.len()), (2, 1));
     assert_eq!(segments.movements[0].kind, MovementKind::Other);
     assert_eq!(without(3.5, 4.8).movements[0].kind, MovementKind::Other);
+    // The rate before the pause did not go on in it: half a nod is no spin of 114 deg.
+    assert_eq!(without(2.5, 6.5).movements[0].kind, MovementKind::Other);
     // Some lost samples are no pause.
     assert_eq!(without(3.5, 3.8).movements[0].kind, MovementKind::Rocking);
     assert_eq!(without(8.0, 8.5).rests.len(), 2);

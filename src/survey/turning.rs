@@ -4,6 +4,9 @@ use nalgebra::Vector3;
 
 use super::{Sample, Span};
 
+/// After a pause of the data of this length nobody knows what happened in it, s: nothing is integrated over it, it ends a
+/// rest, and a movement back and forth with it inside is none that is measured.
+pub(super) const PAUSE_S: f64 = 1.0;
 /// Longest pause of the data within a movement whose integral is trusted, s.
 pub const TRUSTED_GAP_S: f64 = 0.25;
 
@@ -45,12 +48,13 @@ pub struct Turning {
 }
 
 impl Turning {
-    /// Integrates over `span` and the step from the sample before it.
+    /// Integrates over `span` and the step from the sample before it; a step of more than 1 s counts for nothing.
     pub fn over(samples: &[Sample], span: Span, bias: &Bias) -> Self {
         let mut turning = Self::default();
         for pair in samples[span.first.saturating_sub(1)..span.end].windows(2) {
             let [from, to] = [&pair[0], &pair[1]].map(|sample| sample.omega_imu - bias.at(sample.time_s));
-            let half_step_s = 0.5 * (pair[1].time_s - pair[0].time_s);
+            let step_s = pair[1].time_s - pair[0].time_s;
+            let half_step_s = if step_s <= PAUSE_S { 0.5 * step_s } else { 0.0 };
             turning.angle += (from + to) * half_step_s;
             turning.path += (from.norm() + to.norm()) * half_step_s;
         }

@@ -6,6 +6,7 @@
 // A device lives by the clock.
 #![allow(clippy::disallowed_methods)]
 
+mod calibrate;
 #[path = "../common/chair_can.rs"]
 mod chair_can;
 mod foreign;

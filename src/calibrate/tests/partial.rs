@@ -190,3 +190,16 @@ fn the_guide_asks_for_one_motion_after_the_other() {
     assert!((3.0..4.0).contains(&steps[0].1), "{steps:?}");
     assert!(steps[1].1 > 10.0 && steps[1].1 < truth.spin_start_s(), "{steps:?}");
 }
+
+#[test]
+fn a_bias_that_differs_from_rest_to_rest_is_known_as_well_as_it_stays() {
+    let truth = Truth { nods: 0, ..Truth::random(15) };
+    let step = Vector3::new(0.0, 0.0, 0.01);
+    let middle_s = 0.5 * (truth.spin_start_s() + truth.duration_s());
+    let later = |s: &Sample| if s.time_s > middle_s { step } else { Vector3::zeros() };
+    let stepped: Vec<Sample> =
+        truth.samples(1).iter().map(|s| Sample { omega_imu: s.omega_imu + later(s), ..*s }).collect();
+    let bias = calibrate(&stepped, &settings(None)).gyro_bias_rad_s.unwrap();
+    // Two rests, 0.01 rad/s apart: half of that is what their mean may be off.
+    assert!((bias.sigma[2] - 0.005).abs() < 5e-4 && bias.sigma[0] < 5e-4, "{bias:?}");
+}

@@ -4,7 +4,9 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use super::bench::small_turn;
 use super::coverage::{Records, settings};
-use crate::calibrate::{CalibrateSettings, Findings, Guide, Step, calibrate, calibration_toml, mount_toml};
+use crate::calibrate::{
+    CalibrateSettings, CountedTurn, Findings, Guide, Step, calibrate, calibration_toml, mount_toml,
+};
 use crate::device::Noise;
 use crate::imu::{Calibration, Mount};
 use crate::survey::Sample;
@@ -169,6 +171,41 @@ fn missing_poses_are_named() {
 }
 
 #[test]
+fn a_counted_turn_after_the_poses_gives_the_gyro_scale_and_its_rest_is_no_pose_too_many() {
+    let truth = Box::random(8, &[&ORDER[..], &ORDER[..1]].concat(), 0.05, 0.005);
+    // Two turns upright after the last pose: on top of the attitude, so that sensor and bias stay what they are.
+    let upright = truth.attitudes[6];
+    let end_s = 7.0 * (REST_S + TURN_S) - TURN_S;
+    let mut samples = truth.samples(8);
+    let up = (upright.to_rotation_matrix() * truth.rot_head_imu).inverse() * Vector3::z();
+    let mut noise = Noise::new(9);
+    let (rate, ramp_s, turned) = (1.5, 1.0, 2.0 * core::f64::consts::TAU);
+    let spin_s = turned / rate + ramp_s;
+    let rest = *samples.last().unwrap();
+    let force = rest.specific_force_imu.unwrap();
+    for index in 0..((spin_s + REST_S) * RATE_HZ) as usize {
+        let s = index as f64 / RATE_HZ;
+        let share = (s / ramp_s).min((spin_s - s) / ramp_s).clamp(0.0, 1.0);
+        let mut noisy = |value: Vector3<f64>, rms: f64| value.map(|v| v + rms * noise.normal());
+        samples.push(Sample {
+            time_s: end_s + s,
+            omega_imu: noisy(0.98 * up * rate * share + truth.gyro_bias, 0.002),
+            specific_force_imu: Some(noisy(force, 0.03)),
+            clipped: false,
+        });
+    }
+    let counted = CountedTurn { angle: turned, sigma: 0.002 };
+    let settings = CalibrateSettings { counted: Some(counted), ..posed(&ORDER) };
+    let found = calibrate(&samples, &settings);
+    assert!(refused(&found).iter().all(|(what, _)| *what == "lever arm"), "{:?}", refused(&found));
+    assert!((found.gyro_scale.unwrap().scale.value * 0.98 - 1.0).abs() < 2e-3, "{:?}", found.gyro_scale);
+    assert!(mount_error(&found, &truth).norm() < 1.0);
+    assert!(!found.notes.iter().any(|note| note.contains("several spins")), "{:?}", found.notes);
+    // Asked for nothing to count, that last pose is one too many.
+    assert_eq!(refused(&calibrate(&samples, &posed(&ORDER)))[0].0, "mount");
+}
+
+#[test]
 fn a_wrong_order_is_found_out() {
     let truth = Box::random(4, &ORDER, 0.05, 0.01);
     let mut swapped = ORDER;
@@ -216,7 +253,7 @@ fn the_guide_asks_for_one_side_after_the_other() {
         let part = if named.is_empty() {
             "sensor axes to come: z, -z"
         } else {
-            "5 of 6: turn the head's y (left side) up"
+            "5 of 6: turn the head's left side up"
         };
         assert!(prompts[3].contains(part), "{prompts:?}");
     }

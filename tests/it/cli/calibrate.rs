@@ -1,6 +1,7 @@
 //! `otolith calibrate` on real turntable logs and on the mock. The expected numbers are those of
 //! `imu-logs/PROVENANCE.md`.
 
+use otolith::units::STANDARD_GRAVITY;
 use serde_json::Value;
 
 use super::{Place, Run, near, number, shared_log, shipped};
@@ -122,4 +123,123 @@ fn wrong_flags_are_refused_before_anything_is_read() {
     place.run(&["calibrate", "nowhere.txt"]).refused(2, &["nowhere.txt"]);
     assert_eq!(place.run(&["calibrate"]).code, 2);
     assert_eq!(place.run(&["calibrate", "f", "--device", "mock:rest"]).code, 2);
+}
+
+/// Writes a log of a sensor (x forward, y left, z up) that lies 3 s in each of these directions, which are up one after
+/// the other; z reads 2 % too much and has an offset of 0.3 m/s².
+fn poses_log(place: &Place, up: &[[f64; 3]]) {
+    let mut log = String::new();
+    for (pose, up) in up.iter().enumerate() {
+        for k in 0..400_u32 {
+            let t = pose as f64 * 4.0 + f64::from(k) * 0.01;
+            let flicker = 0.005 * (f64::from(k * k % 7) - 3.0);
+            // A quick turn between the poses.
+            let rate = if k >= 350 { 1.5 } else { 0.0 };
+            let [x, y, z] = up.map(|part| STANDARD_GRAVITY * part + flicker);
+            log += &format!("{t:.2},{rate},0.01,0.0,{x:.5},{y:.5},{:.5}\n", 1.02 * z + 0.3);
+        }
+    }
+    place.write("poses.csv", log);
+    let map = "[time]\ncolumn = 1\nunit = \"s\"\n[gyro]\ncolumns = [2, 3, 4]\nunit = \"rad/s\"\n\
+               [specific_force]\ncolumns = [5, 6, 7]\nunit = \"m/s^2\"\n";
+    place.write("map.toml", map);
+}
+
+#[test]
+fn six_poses_give_bias_scale_and_mount_and_a_run_takes_both() {
+    let place = Place::new();
+    let (x, y, z) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
+    let all = [z, z.map(|v: f64| -v), x, x.map(|v: f64| -v), y, y.map(|v: f64| -v)];
+    poses_log(&place, &all);
+    let base = ["calibrate", "poses.csv", "--log-map", "map.toml"];
+    let json = place
+        .run(&[&base[..], &["--poses", "z,-z,x,-x,y,-y", "--out", "x", "--json"]].concat())
+        .done()
+        .json();
+    near(&json, "/accelerometer/bias_m_s2/value/2", 0.3, 0.01);
+    near(&json, "/accelerometer/scale/value/2", 1.0 / 1.02, 1e-3);
+    near(&json, "/accelerometer/scale/value/0", 1.0, 1e-3);
+    near(&json, "/mount/matrix/0/0", 1.0, 1e-3);
+    for file in ["x/mount.toml", "x/calibration.toml"] {
+        assert!(place.path(file).exists(), "{file}");
+    }
+    let files = ["--mount", "x/mount.toml", "--calibration", "x/calibration.toml", "--json"];
+    let run = ["run", "--device", "mock:rest?rest_s=2", "--pace", "max"];
+    place.run(&[&run[..], &files].concat()).done();
+    let text = place.run(&[&base[..], &["--poses", "any"]].concat()).done().stdout;
+    assert!(text.contains("accelerometer bias, sensor z (m/s2)") && !text.contains("mount:"), "{text}");
+
+    poses_log(&place, &all[..3]);
+    let few = place.run(&[&base[..], &["--poses", "any"]].concat());
+    few.complains(1, &["3 poses found leave it open", "missing: -x, y, -y", "each of its six sides up"]);
+    for wrong in ["z", "up,down", "z,-z,w"] {
+        let run = place.run(&[&base[..], &["--poses", wrong]].concat());
+        assert_eq!(
+            (run.code, run.stderr.contains("any, or two or more of x, -x")),
+            (2, true),
+            "{}",
+            run.stderr
+        );
+    }
+    assert_eq!(place.run(&[&base[..], &["--poses", "any", "--forward", "x"]].concat()).code, 2);
+}
+
+#[test]
+fn six_poses_of_a_real_sensor_bring_its_norm_to_gravity() {
+    let Some(log) = shared_log("csv/imucal_ferraris_session.csv") else { return };
+    let mapping = shipped("configs/logs/imucal-ferraris.toml");
+    let args = ["calibrate", &log, "--log-map", &mapping, "--poses", "any", "--json"];
+    let json = Place::new().run(&args).done().json();
+    assert!(number(&json, "/accelerometer/poses") >= 6.0);
+    assert_eq!(json["accelerometer"]["common_scale"], false);
+    // Half the sum, and twice gravity over the difference, of the means with each axis up and down: the rests from 2.2 to
+    // 29.5 s, averaged by another program. Its six sides were laid down to a few degrees, hence the tolerance.
+    for (axis, bias, scale) in [(0, 0.5370, 1.00306), (1, -0.6164, 0.99728), (2, 0.3989, 0.97690)] {
+        near(&json, &format!("/accelerometer/bias_m_s2/value/{axis}"), bias, 0.005);
+        near(&json, &format!("/accelerometer/scale/value/{axis}"), scale, 5e-4);
+    }
+    assert!(number(&json, "/accelerometer/residual_m_s2") < 0.005, "{}", json["accelerometer"]);
+}
+
+#[test]
+fn logs_that_hold_next_to_nothing_are_refused_and_never_a_panic() {
+    let place = Place::new();
+    poses_log(&place, &[]);
+    let line = |t: f64, rate: f64| format!("{t:.2},0,0,{rate},0,0,9.8\n");
+    for (name, log) in [
+        ("one sample", line(0.0, 0.0)),
+        ("two samples", line(0.0, 0.0) + &line(0.01, 1.0)),
+        ("constant", (0..600).map(|k| line(f64::from(k) * 0.01, 0.0)).collect()),
+        ("turning from end to end", (0..600).map(|k| line(f64::from(k) * 0.01, 2.0)).collect()),
+        ("all zero", (0..600).map(|k| format!("{:.2},0,0,0,0,0,0\n", f64::from(k) * 0.01)).collect()),
+        ("one time", (0..600).map(|_| line(1.0, 1.0)).collect()),
+    ] {
+        place.write("poses.csv", &log);
+        for command in ["calibrate", "chair"] {
+            for more in [&[][..], &["--json"]] {
+                let run = place.run(&[&[command, "poses.csv", "--log-map", "map.toml"], more].concat());
+                let spins = name.starts_with("turning") && command == "chair";
+                assert_eq!(run.code, i32::from(!spins), "{name} {command}: {}", run.stderr);
+                assert!(
+                    !run.stderr.contains("panicked") && !run.stdout.contains("NaN"),
+                    "{name}: {}",
+                    run.stdout
+                );
+            }
+        }
+        let poses = place.run(&["calibrate", "poses.csv", "--log-map", "map.toml", "--poses", "any"]);
+        poses.complains(1, &["accelerometer bias and scale"]);
+    }
+}
+
+#[test]
+fn samples_that_come_twice_are_left_out_and_counted() {
+    let place = Place::new();
+    poses_log(&place, &[[0.0, 0.0, 1.0]]);
+    let log = std::fs::read_to_string(place.path("poses.csv")).expect("written");
+    let twice: String = log.lines().flat_map(|line| [line, "\n", line, "\n"]).collect();
+    place.write("poses.csv", twice);
+    let json = place.run(&["calibrate", "poses.csv", "--log-map", "map.toml", "--json"]).json();
+    assert_eq!(number(&json, "/sampling/samples"), 400.0);
+    assert!(json["notes"].to_string().contains("400 samples came twice"), "{}", json["notes"]);
 }

@@ -104,3 +104,67 @@ fn a_damaged_recording_is_surveyed_as_far_as_it_is_good() {
         assert!(number(&run.json(), "/sampling/samples") > 5000.0);
     }
 }
+
+#[test]
+fn several_spins_are_all_reported_and_held_against_a_profile() {
+    let place = Place::new();
+    place.write(
+        "map.toml",
+        "[time]\ncolumn = 1\nunit = \"s\"\n[gyro]\ncolumns = [2, 3, 4]\nunit = \"deg/s\"\n\
+                 [specific_force]\ncolumns = [5, 6, 7]\nunit = \"m/s^2\"\n",
+    );
+    // 60 deg/s to the left for 10 s, then 40 to the right for 20 s, both 2 % slow.
+    let told = |t: f64| {
+        let ramp = |from: f64, to: f64| (t - from).clamp(0.0, 1.0) - (t - to).clamp(0.0, 1.0);
+        60.0 * ramp(3.0, 13.0) - 40.0 * ramp(18.0, 38.0)
+    };
+    let row = |k: u32| {
+        let t = f64::from(k) * 0.01;
+        format!("{t:.2},0.1,0.2,{:.4},0.0,0.0,9.81\n", 0.98 * told(t - 0.2) + 0.3 + 0.01 * f64::from(k % 3))
+    };
+    place.write("log.csv", (0..4400).map(row).collect::<String>());
+    place.write(
+        "told.csv",
+        "time_s,rate_rpm\n3,0\n4,10\n13,10\n14,0\n18,0\n19,-6.666667\n38,-6.666667\n39,0\n",
+    );
+    let base = ["chair", "log.csv", "--log-map", "map.toml", "--commanded", "told.csv"];
+    let json = place.run(&[&base[..], &["--commanded-start-s", "0", "--json"]].concat()).done().json();
+    assert_eq!(json["spins"].as_array().map(Vec::len), Some(2));
+    near(&json, "/spins/0/turned_deg", 588.0, 0.5);
+    near(&json, "/spins/1/turned_deg", -784.0, 0.5);
+    near(&json, "/spin/turned_deg", -784.0, 0.5);
+    near(&json, "/spins/0/rate_deg_s/value", 58.8, 0.05);
+    assert_eq!(json["profile"]["start_given"], true);
+    for (index, rate, percent) in [(0, 58.8, -2.0), (1, -39.2, 2.0)] {
+        let at = |key: &str| format!("/profile/plateaus/{index}/{key}");
+        near(&json, &at("executed_deg_s/value"), rate, 0.02);
+        near(&json, &at("error/error_percent"), percent, 0.05);
+        near(&json, &at("delay_s"), 0.21, 0.02);
+    }
+    let text = place.run(&base).done().stdout;
+    for part in ["2 spins", "commanded profile", "where it fits best", "-39.2"] {
+        assert!(text.contains(part), "{part} is missing in\n{text}");
+    }
+}
+
+#[test]
+fn a_profile_that_cannot_be_read_is_refused_with_its_line() {
+    let place = Place::new();
+    for (text, part) in [
+        ("t,rate\n0,1\n", "expected columns time_s and rate_deg_s, got t, rate"),
+        ("time_s,rate_deg_s\n0,60\n5,fast\n", "line 3: rate_deg_s is \"fast\""),
+        ("time_s,rate_deg_s\n0,60\n5,60\n4,0\n", "line 4: the time goes back"),
+        ("time_s,rate_deg_s\n0,60\n5,NaN\n", "line 3: time and rate must be finite"),
+        ("time_s,rate_deg_s\n0,0\n5,60\n6,0\n", "no plateau"),
+        ("time_s,rate_deg_s\n0,60,1\n", "told.csv"),
+        ("", "told.csv"),
+    ] {
+        place.write("told.csv", text);
+        place
+            .run(&["chair", "--device", "mock:chair", "--commanded", "told.csv"])
+            .refused(2, &["told.csv", part]);
+    }
+    place.run(&["chair", "--device", "mock:chair", "--commanded", "none.csv"]).refused(2, &["none.csv"]);
+    let both = ["chair", "--device", "mock:chair", "--commanded", "told.csv", "--commanded-rpm", "3"];
+    assert_eq!(place.run(&both).code, 2);
+}

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use super::{Place, Run, number, shared_log, shipped};
+use super::{Place, Run, near, number, shared_log, shipped};
 
 /// Runs a recorded log with the mapping of that name; `None` where the shared recordings are not at hand.
 fn played(log: &str, mapping: &str) -> Option<Run> {
@@ -72,4 +72,68 @@ fn a_recorded_log_is_verified_and_inspected() {
     assert_eq!(verified["samples"], 1728);
     let inspected = place.run(&["inspect", "r.mcap", "--json"]).done().json();
     assert_eq!((&inspected["protocol"], &inspected["samples"]), (&"text".into(), &1728.into()));
+}
+
+#[test]
+fn sensor_logger_with_acceleration_needs_its_platform_and_means_the_same_on_both() {
+    let place = Place::new();
+    // At rest on its back; face up the documents give +9.81 m/s2 on Android and -1 g on iOS.
+    let log = |force: &str| {
+        let row = |k: u32| format!("1,{:.3},0.002,0.001,0.003,1,{force}\n", f64::from(k) * 0.01 - 0.05);
+        let rows: String = (0..300).map(row).collect();
+        format!("time,seconds_elapsed,z,y,x,time_force,z_force,y_force,x_force\n{rows}")
+    };
+    place.write("android.csv", log("9.70665,0.1,-0.2"));
+    place.write("ios.csv", log("-0.98980,-0.010197,0.020394"));
+    let refused = place.run(&["calibrate", "android.csv", "--up", "gravity", "--forward", "x"]);
+    refused.refused(2, &["depend on the platform", "sensor-logger-android.toml", "--log-map"]);
+    for platform in ["android", "ios"] {
+        let (file, map) =
+            (format!("{platform}.csv"), shipped(&format!("configs/logs/sensor-logger-{platform}.toml")));
+        let args = ["calibrate", &file, "--log-map", &map, "--up", "gravity", "--forward", "x", "--json"];
+        let json = place.run(&args).done().json();
+        for (axis, force, rate) in [(0, -0.2, 0.003), (1, 0.1, 0.001), (2, 9.70665, 0.002)] {
+            near(&json, &format!("/gravity/specific_force_m_s2/value/{axis}"), force, 1e-3);
+            near(&json, &format!("/gyro_bias_rad_s/value/{axis}"), rate, 1e-9);
+        }
+    }
+}
+
+#[test]
+fn a_sensor_upside_down_without_a_mount_is_told_that_its_heading_is_open() {
+    let place = Place::new();
+    place.write(
+        "down.toml",
+        "[time]\ncolumn = 1\nunit = \"s\"\n[gyro]\ncolumns = [2, 3, 4]\nunit = \"rad/s\"\n\
+                 [specific_force]\ncolumns = [5, 6, 7]\nunit = \"m/s^2\"\n",
+    );
+    // Rest, two turns to the left (about the sensor's -z), rest.
+    let row = |k: u32| {
+        let t = f64::from(k) * 0.01;
+        let rate = 1.5 * ((t - 3.0).clamp(0.0, 1.0) - (t - 11.0).clamp(0.0, 1.0));
+        format!("{t:.2},0.001,0.002,{:.6},0.01,-0.02,-9.80\n", 0.003 - rate)
+    };
+    place.write("down.csv", (0..1600).map(row).collect::<String>());
+    let log = ["--log-map", "down.toml", "--json"];
+    let run = [&["run", "--device", "replay:down.csv", "--pace", "max"], &log[..]].concat();
+    let open = place.run(&run).done();
+    assert_eq!(open.json()["alignment"]["heading_arbitrary"], true);
+    near(&open.json(), "/chair/turned_deg", 12.0_f64.to_degrees(), 1.0);
+    assert!(
+        open.stderr.contains("180 deg from upright") && open.stderr.contains("--mount"),
+        "{}",
+        open.stderr
+    );
+    let mount = shipped("configs/mounts/upside-down.toml");
+    let mounted = place.run(&[&run[..], &["--mount", &mount]].concat()).done();
+    assert_eq!(mounted.json()["alignment"]["heading_arbitrary"], false);
+    assert!(!mounted.stderr.contains("upright"), "{}", mounted.stderr);
+    let chair = place.run(&[&["chair", "down.csv"], &log[..]].concat()).done().json();
+    assert!(chair["notes"].to_string().contains("180 deg from upright"), "{}", chair["notes"]);
+    let calibrated = place.run(&[&["calibrate", "down.csv"], &log[..]].concat());
+    calibrated.complains(1, &["heading"]);
+    let notes = calibrated.json()["notes"].to_string();
+    assert!(notes.contains("180 deg from upright"), "{notes}");
+    let given = place.run(&[&["calibrate", "down.csv", "--forward", "x"], &log[..]].concat()).done().json();
+    assert!(!given["notes"].to_string().contains("upright"), "{}", given["notes"]);
 }

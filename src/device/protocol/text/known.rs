@@ -80,7 +80,8 @@ const UNUSABLE: [Unusable; 4] = [
         titles: &["time", "seconds_elapsed", "x", "y", "z"],
         what: "a file of Sensor Logger whose name does not say that it is the gyroscope's; all its files have the same \
                header, and sign and unit of the acceleration depend on the platform",
-        hint: "play Gyroscope.csv; of a file with both, write the columns, units and signs into a mapping (--log-map)",
+        hint: "play Gyroscope.csv alone, or join it with the acceleration as configs/logs/sensor-logger-android.toml shows \
+               and name the platform with --log-map: that file, or sensor-logger-ios.toml beside it",
     },
     Unusable {
         titles: &["Time (s)", "Acceleration x (m/s^2)"],
@@ -186,7 +187,16 @@ mod tests {
     #[test]
     fn what_cannot_be_used_is_refused_with_a_way_out() {
         for (log_name, header, parts) in [
-            ("Accelerometer.csv", "time,seconds_elapsed,z,y,x", ["depend on the platform", "Gyroscope.csv"]),
+            (
+                "Accelerometer.csv",
+                "time,seconds_elapsed,z,y,x",
+                ["depend on the platform", "sensor-logger-ios.toml"],
+            ),
+            (
+                "joined.csv",
+                "time,seconds_elapsed,z,y,x,time_force,z_force,y_force,x_force",
+                ["depend on the platform", "sensor-logger-android.toml"],
+            ),
             ("raw.csv", "\"Time (s)\",\"Acceleration x (m/s^2)\"", ["without a gyroscope", "same export"]),
         ] {
             let text = known_log(log_name, header.as_bytes()).unwrap_err().to_string();
