@@ -232,13 +232,20 @@ fn what_comes_over_a_new_link_does_not_end_what_came_over_the_lost_one() {
     assert_eq!((source.facts().link.reconnects, source.facts().imu.readings), (1, 1));
 }
 
+/// What a [`Tap`] is to give.
+#[derive(Default)]
+struct Supply {
+    pieces: Vec<(HostTime, Vec<u8>)>,
+    status: LinkStatus,
+}
+
 /// Gives what is put into it, and its state.
 #[derive(Clone, Default)]
-struct Tap(Arc<Mutex<(Vec<(HostTime, Vec<u8>)>, LinkStatus)>>, Vec<u8>);
+struct Tap(Arc<Mutex<Supply>>, Vec<u8>);
 
 impl Link for Tap {
     fn receive(&mut self, _timeout: Duration) -> Result<Option<(HostTime, Traffic<'_>)>, LinkError> {
-        let (pieces, _) = &mut *self.0.lock().expect("whole");
+        let pieces = &mut self.0.lock().expect("whole").pieces;
         if pieces.is_empty() {
             return Ok(None);
         }
@@ -248,7 +255,7 @@ impl Link for Tap {
     }
 
     fn status(&self) -> LinkStatus {
-        self.0.lock().expect("whole").1
+        self.0.lock().expect("whole").status
     }
 }
 
@@ -259,15 +266,15 @@ fn samples_that_stop_coming_are_a_trouble_until_the_sensor_is_aligned() {
     let tap = Tap::default();
     let mut source = Source::new(Box::new(tap.clone()), Box::new(NativeSerialDecoder::new()), pipeline, None);
     let mut encoder = StreamEncoder::new();
-    tap.0.lock().expect("whole").0.push((ms(0), frame(&mut encoder, &HELLO)));
+    tap.0.lock().expect("whole").pieces.push((ms(0), frame(&mut encoder, &HELLO)));
     let mut events = Events::default();
     // Samples every 10 ms from the first time to before the second, and then silence up to a third: what is said of it.
     let mut play = |from: u64, until: u64, silent_at: u64, status: LinkStatus| {
         for at in (from..until).step_by(10) {
             let sample = frame(&mut encoder, &rest(1000 * at as u32));
-            tap.0.lock().expect("whole").0.push((ms(at), sample));
+            tap.0.lock().expect("whole").pieces.push((ms(at), sample));
         }
-        tap.0.lock().expect("whole").1 = status;
+        tap.0.lock().expect("whole").status = status;
         while !matches!(source.poll(Duration::ZERO, &mut events), Ok(Polled::Silence)) {}
         source.note_silence(ms(silent_at), &mut events);
         events.0.retain(|event| event.ends_with("no samples"));
