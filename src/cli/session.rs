@@ -258,6 +258,10 @@ impl Session {
                 "`otolith inspect FILE` says what is in it; --protocol names a decoder, --log-map the columns of a text log, --map the signals \
                  of a CAN log"
             }
+            Selector::Can { .. } | Selector::Slcan { .. } => {
+                "check bitrate, wiring, terminators and, behind slcan:, that the adapter speaks slcan; frames of other kinds \
+                 need --map; `otolith doctor can:IFACE` says more"
+            }
             _ => "check baud rate, wiring and protocol; `otolith devices` lists what is connected",
         };
         Failure::new(

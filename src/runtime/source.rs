@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::trouble::{Change, Counts, Trouble, TroubleWatch};
 use crate::device::can::bus::BusState;
-use crate::device::protocol::detect::OTOLITH_CAN;
+use crate::device::protocol::detect::{LONGEST_FRAME_BYTES, OTOLITH_CAN};
 use crate::device::protocol::{DecodeCounters, ImuReading, PacketDecoder, SyncEstimate};
 use crate::device::{DeviceError, Link, LinkError, LinkStatus, Traffic, bandwidth};
 use crate::imu::{AlignmentReport, ClockMode, HeadSample, ImuCounters, ImuPipeline};
@@ -167,7 +167,7 @@ impl Source {
         self.note_bus_changes(&status, sink);
         self.status = status;
         let at = self.last_at;
-        let counts = Counts { decode: self.decoder.counters(), link: status, imu: self.pipeline.counters() };
+        let counts = Counts { decode: self.judged_counters(), link: status, imu: self.pipeline.counters() };
         self.troubles.look(at, &counts, |change| match change {
             // Told above, with the reason.
             Change::Begun(Trouble::ConnectionLost | Trouble::InterfaceDown | Trouble::BusOff)
@@ -182,6 +182,17 @@ impl Source {
                 sink.event(self.last_at, &note);
             }
         }
+    }
+
+    /// What the decoder has counted. As long as no protocol is known and it may be too early, nothing counts as damaged or
+    /// stray: the frame that has begun is all those decoders cannot read whose it is not.
+    fn judged_counters(&self) -> DecodeCounters {
+        let counters = self.decoder.counters();
+        let is_early = counters.packets == 0 && counters.bytes_skipped < LONGEST_FRAME_BYTES;
+        if is_early && self.decoder.protocol() == "unknown" {
+            return DecodeCounters { bad_checksum: 0, bytes_skipped: 0, ..counters };
+        }
+        counters
     }
 
     /// Tells the clock what is known about the delay every sample has.

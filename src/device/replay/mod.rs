@@ -60,7 +60,7 @@ const MCAP_MAGIC: &[u8] = b"\x89MCAP";
 /// Finds out what `path` holds, from its first bytes; the name counts only for `.mcap`.
 ///
 /// # Errors
-/// [`DeviceError::File`] or [`DeviceError::EmptyFile`].
+/// [`DeviceError::File`], [`DeviceError::EmptyFile`], or [`DeviceError::FileKind`] for a pipe.
 pub fn detect(path: &Path) -> Result<FileKind, DeviceError> {
     let mut reader = open_file(path)?;
     let start = reader.fill_buf().map_err(|source| file_error(path, source))?;
@@ -70,7 +70,7 @@ pub fn detect(path: &Path) -> Result<FileKind, DeviceError> {
 /// The first line of a text log that is not blank, without its end; empty where there is none in the first 8 KiB.
 ///
 /// # Errors
-/// [`DeviceError::File`] or [`DeviceError::EmptyFile`].
+/// As [`detect`].
 pub fn first_line(path: &Path) -> Result<Vec<u8>, DeviceError> {
     let mut reader = open_file(path)?;
     let start = reader.fill_buf().map_err(|source| file_error(path, source))?;
@@ -82,7 +82,7 @@ pub fn first_line(path: &Path) -> Result<Vec<u8>, DeviceError> {
 /// clock; one without, and a text log without `stamp_line`, by the time their bytes take at `baud`.
 ///
 /// # Errors
-/// Missing, unreadable or empty file, or an MCAP recording, which has a command of its own.
+/// Missing, unreadable or empty file, a pipe, or an MCAP recording, which has a command of its own.
 pub fn open(
     path: &Path,
     kind: Option<FileKind>,
@@ -118,7 +118,15 @@ fn open_file(path: &Path) -> Result<BufReader<File>, DeviceError> {
     if metadata.is_dir() {
         return Err(file_error(path, io::ErrorKind::IsADirectory.into()));
     }
-    if metadata.is_file() && metadata.len() == 0 {
+    if !metadata.is_file() {
+        // It would be read more than once: to find out what it holds, and to play it.
+        return Err(DeviceError::FileKind {
+            path: path.to_owned(),
+            kind: "a pipe or a device, expected a file",
+            hint: "save it to a file first; `serial:PORT` reads a port",
+        });
+    }
+    if metadata.len() == 0 {
         return Err(DeviceError::EmptyFile { path: path.to_owned() });
     }
     Ok(BufReader::with_capacity(PROBE_BYTES, file))

@@ -115,6 +115,22 @@ fn a_closed_pipe_is_no_panic() {
     }
 }
 
+/// A result that cannot be written is a failure, and says so.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_behind_stdout_is_an_error() {
+    let place = Place::new();
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").expect("Linux has it");
+    let mut command = place.command(&["devices", "--list", "--json"]);
+    let output = command.stdin(Stdio::null()).stdout(full).output().expect("starts");
+    let stderr = String::from_utf8(output.stderr).expect("UTF-8");
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert!(
+        stderr.starts_with("error: cannot write to stdout: ") && stderr.contains("\n\nhint: "),
+        "{stderr}"
+    );
+}
+
 /// Colours are for terminals, and NO_COLOR forbids them even there.
 #[cfg(unix)]
 #[test]
