@@ -95,7 +95,7 @@ pub(super) fn listening_time(listen_s: Option<f64>) -> Result<Duration, Failure>
 }
 
 /// Whether a port that nobody has named is worth opening.
-pub(super) fn may_be_listened_to(port: &DiscoveredPort) -> bool {
+fn may_be_listened_to(port: &DiscoveredPort) -> bool {
     port.access != Access::Denied && port.kind != PortKind::Can { up: false }
 }
 
@@ -146,7 +146,8 @@ fn print(entries: &[Entry], json: bool) -> Result<(), Failure> {
 
 /// One line for one port, one more for what was heard, one for each note.
 fn text(entry: &Entry) -> String {
-    let mut text = line(&entry.port);
+    // Of what cannot be opened the reason says all there is.
+    let mut text = if entry.error.is_some() { entry.port.selector.clone() } else { line(&entry.port) };
     let mut add = |line: &str| text.push_str(&format!("\n    {line}"));
     if let Some(heard) = &entry.heard {
         add(&heard_line(heard));

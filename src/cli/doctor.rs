@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use serde::Serialize;
 
-use super::devices::{heard_line, listen_to_all, listening_time, may_be_listened_to};
+use super::devices::{heard_line, listen_to_all, listening_time};
 use super::failure::Failure;
 use super::show;
 use crate::device::Selector;
@@ -129,9 +129,11 @@ fn examine(patients: Vec<Patient>, args: &DoctorArgs) -> Result<Vec<Examined>, F
         .map(|(patient, facts)| {
             let free = match &facts.link {
                 LinkFacts::Serial(serial) => serial.holders.is_empty(),
-                LinkFacts::Can(can) => can.up,
+                // Opening one that is missing tells whether the kernel has CAN at all.
+                LinkFacts::Can(can) => can.up || !can.exists,
             };
-            let selector = Some(patient.selector).filter(|_| free && may_be_listened_to(&patient.port));
+            let may_be_opened = patient.port.access != Access::Denied;
+            let selector = Some(patient.selector).filter(|_| free && may_be_opened);
             (patient.port, selector)
         })
         .collect();

@@ -71,7 +71,8 @@ impl From<clap::Error> for Failure {
             hints.extend(line_after("Usage: ").iter().map(|usage| format!("usage: {usage}")));
         }
         let is_command = |arg: &String| super::Cli::command().find_subcommand(arg).is_some();
-        let command = std::env::args().skip(1).find(is_command).map_or_else(String::new, |name| name + " ");
+        let mut args = std::env::args_os().skip(1).filter_map(|arg| arg.into_string().ok());
+        let command = args.find(is_command).map_or_else(String::new, |name| name + " ");
         hints.push(format!("`otolith {command}--help` says what there is"));
         Self::usage(format!("{message}\n\nhint: {}", hints.join("; ")))
     }

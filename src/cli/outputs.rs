@@ -80,9 +80,13 @@ pub(super) fn make_folder(folder: &Path) -> Result<(), Failure> {
     })
 }
 
-/// Writes a whole file.
+/// Writes a whole file, or leaves none.
 pub(super) fn write_file(path: &Path, text: &str) -> Result<(), Failure> {
     std::fs::write(path, text).map_err(|error| {
+        if path.is_file() {
+            // Half a file is worth nothing; one that will not go is no worse than one that could not be written.
+            let _gone = std::fs::remove_file(path);
+        }
         Failure::new(
             FailureKind::Failed,
             format!("{}: cannot write it: {error}\n\nhint: check permissions and free space", path.display()),

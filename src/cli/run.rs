@@ -28,7 +28,7 @@ use crate::vestibular::PRESET_NAMES;
     configs/motions holds the key poses of the built-in ones.\n\n\
     While it runs: r + Enter stands the characters up again, Ctrl-C ends the run and prints the summary.")]
 pub(super) struct RunArgs {
-    /// Device: serial:PORT?baud=N, can:IFACE, replay:FILE, mock:chair.
+    /// Device: serial:PORT?baud=N, can:IFACE, slcan:PORT, replay:FILE, mock:chair.
     #[arg(long, value_name = "SELECTOR")]
     device: Option<String>,
     /// An experiment of the standing paper, by the name of its file in configs/scenarios.

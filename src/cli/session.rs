@@ -55,11 +55,18 @@ impl Session {
         let support_polygon = core.green().support_outline();
         let outputs = Outputs::claim(self.out.as_deref(), self.record.as_deref(), self.force)?;
         let clock: Arc<dyn Clock> = Arc::new(SystemClock::start_now());
-        let source = open_source(&self.config, &self.selector, gravity, self.pace, &clock)?;
-        outputs.make_folder()?;
-        let journal = Journal::recording(self.recorder()?);
+        // Before the device is opened: one that is being set up must not be left half way.
         let signals = Arc::new(Signals::default());
         stop_on_ctrl_c(&signals)?;
+        let source = open_source(&self.config, &self.selector, gravity, self.pace, &clock)?;
+        if signals.stop.load(Ordering::Relaxed) {
+            return Err(Failure::new(
+                FailureKind::Failed,
+                format!("{}: stopped before the first sample\n\nhint: run it again", self.selector),
+            ));
+        }
+        outputs.make_folder()?;
+        let journal = Journal::recording(self.recorder()?);
 
         let started = clock.now();
         let (facts, journal, outcome) = match self.pace {
@@ -257,6 +264,10 @@ impl Session {
             Selector::Replay { .. } => {
                 "`otolith inspect FILE` says what is in it; --protocol names a decoder, --log-map the columns of a text log, --map the signals \
                  of a CAN log"
+            }
+            Selector::Can { .. } | Selector::Slcan { .. } => {
+                "check bitrate, wiring, terminators and, behind slcan:, that the adapter speaks slcan; frames of other kinds \
+                 need --map; `otolith doctor can:IFACE` says more"
             }
             _ => "check baud rate, wiring and protocol; `otolith devices` lists what is connected",
         };

@@ -25,9 +25,10 @@ pub(super) fn json<T: Serialize>(value: &T) -> Result<(), Failure> {
 pub(super) fn text(text: &str) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
     match writeln!(out, "{}", text.trim_end()).and_then(|()| out.flush()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(Failure::new(FailureKind::Failed, format!("cannot write to stdout: {error}")))
-        }
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::new(
+            FailureKind::Failed,
+            format!("cannot write to stdout: {error}\n\nhint: check the free space where stdout goes to"),
+        )),
         _ => Ok(()),
     }
 }

@@ -128,20 +128,30 @@ fn can_interfaces() -> Vec<DiscoveredPort> {
     Vec::new()
 }
 
-#[cfg(not(target_os = "linux"))]
+/// Asks the system, which knows of access control lists too: udev gives those to whoever sits at the machine.
+#[cfg(unix)]
+fn access(port: &str) -> Access {
+    use rustix::fs::Access as Wanted;
+    match rustix::fs::access(port, Wanted::READ_OK | Wanted::WRITE_OK) {
+        Ok(()) => Access::Granted,
+        Err(rustix::io::Errno::ACCESS) => Access::Denied,
+        Err(_) => Access::Unknown,
+    }
+}
+
+#[cfg(not(unix))]
 fn access(_port: &str) -> Access {
     Access::Unknown
 }
 
 #[cfg(target_os = "linux")]
-pub(super) use linux::is_up;
+use linux::can_interfaces;
 #[cfg(target_os = "linux")]
-use linux::{access, can_interfaces};
+pub(super) use linux::is_up;
 
 #[cfg(target_os = "linux")]
 mod linux {
     use std::fs;
-    use std::os::unix::fs::MetadataExt;
     use std::path::Path;
 
     use super::{Access, DiscoveredPort, PortKind};
@@ -178,60 +188,11 @@ mod linux {
         let flags = u32::from_str_radix(flags.trim().trim_start_matches("0x"), 16).ok()?;
         Some(flags & UP_FLAG != 0)
     }
-
-    pub(super) fn access(port: &str) -> Access {
-        let (Ok(metadata), Ok(status)) = (fs::metadata(port), fs::read_to_string("/proc/self/status")) else {
-            return Access::Unknown;
-        };
-        let Some(process) = Credentials::parse(&status) else { return Access::Unknown };
-        if process.may_read_and_write(metadata.mode(), metadata.uid(), metadata.gid()) {
-            Access::Granted
-        } else {
-            Access::Denied
-        }
-    }
-
-    /// Effective user and groups of a process.
-    #[derive(Debug, PartialEq, Eq)]
-    pub(super) struct Credentials {
-        pub(super) user: u32,
-        pub(super) groups: Vec<u32>,
-    }
-
-    impl Credentials {
-        /// Reads `/proc/PID/status`.
-        pub(super) fn parse(status: &str) -> Option<Self> {
-            let numbers = |key: &str| -> Option<Vec<u32>> {
-                let line = status.lines().find_map(|line| line.strip_prefix(key))?;
-                line.split_whitespace().map(|word| word.parse().ok()).collect()
-            };
-            // Real, effective, saved and file system id.
-            let user = *numbers("Uid:")?.get(1)?;
-            let mut groups = numbers("Groups:")?;
-            groups.push(*numbers("Gid:")?.get(1)?);
-            Some(Self { user, groups })
-        }
-
-        /// The rule of the file system: the first class that fits decides.
-        pub(super) fn may_read_and_write(&self, mode: u32, owner: u32, group: u32) -> bool {
-            if self.user == 0 {
-                return true;
-            }
-            let class = if self.user == owner {
-                mode >> 6
-            } else if self.groups.contains(&group) {
-                mode >> 3
-            } else {
-                mode
-            };
-            class & 0o6 == 0o6
-        }
-    }
 }
 
 #[cfg(all(test, target_os = "linux"))]
 mod tests {
-    use super::linux::{Credentials, interfaces_below};
+    use super::linux::interfaces_below;
     use super::*;
 
     #[test]
@@ -253,24 +214,15 @@ mod tests {
     }
 
     #[test]
-    fn access_follows_owner_group_and_others() {
-        let status =
-            "Name:\totolith\nUid:\t1000\t1000\t1000\t1000\nGid:\t1000\t1000\t1000\t1000\nGroups:\t20 27 \n";
-        let user = Credentials::parse(status).expect("well formed");
-        assert_eq!(user, Credentials { user: 1000, groups: vec![20, 27, 1000] });
-        for (mode, owner, group, expected) in [
-            (0o20660, 0, 20, true),
-            (0o20660, 0, 5, false),
-            (0o20666, 0, 5, true),
-            (0o20600, 1000, 5, true),
-            (0o20066, 1000, 5, false),
-            (0o20640, 0, 20, false),
-        ] {
-            assert_eq!(user.may_read_and_write(mode, owner, group), expected, "{mode:o} {owner} {group}");
-        }
-        let root = Credentials { user: 0, groups: vec![] };
-        assert!(root.may_read_and_write(0o20000, 1, 1));
-        assert_eq!(Credentials::parse("Name:\totolith\n"), None);
+    fn access_is_what_the_system_grants() {
+        use std::os::unix::fs::PermissionsExt;
+
+        let port = tempfile::NamedTempFile::new().expect("a file");
+        let path = port.path().to_str().expect("UTF-8");
+        assert_eq!((access(path), access("/dev/no-such-port")), (Access::Granted, Access::Unknown));
+        std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o400)).expect("it is ours");
+        let for_others = if rustix::process::geteuid().is_root() { Access::Granted } else { Access::Denied };
+        assert_eq!(access(path), for_others);
     }
 
     #[test]

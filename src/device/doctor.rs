@@ -66,6 +66,8 @@ pub struct SerialFacts {
     pub modem_manager: bool,
     /// [`UDEV_RULES`] are installed.
     pub rules_installed: bool,
+    /// It is a port of a USB device, which somebody has plugged in; a built-in one may have nothing connected.
+    pub usb: bool,
     /// It is a pseudo-terminal, which has no speed.
     pub pseudo_terminal: bool,
     /// Baud rate the user means to use, bit/s; `None` when nobody has named the port.
@@ -93,6 +95,8 @@ pub enum Refusal {
     Denied,
     /// Another program holds it.
     Busy,
+    /// It went away while it was listened to; what the system said.
+    Lost(String),
     /// Anything else, in words.
     Other(String),
 }
@@ -103,6 +107,7 @@ impl From<&DeviceError> for Refusal {
             DeviceError::NoSuchPort { hint, .. } => Self::Missing(hint.clone()),
             DeviceError::NoPermission { .. } => Self::Denied,
             DeviceError::Busy { .. } => Self::Busy,
+            DeviceError::Lost { source, .. } => Self::Lost(source.to_string()),
             other => Self::Other(other.to_string().replace("\n\nhint: ", "; ")),
         }
     }

@@ -66,6 +66,16 @@ pub enum DeviceError {
         /// What to try.
         hint: String,
     },
+    /// The port was open and went away before it could be of use.
+    #[error("{port}: the connection was lost: {source}\n\nhint: {hint}")]
+    Lost {
+        /// The port as given.
+        port: String,
+        /// What the operating system said.
+        source: io::Error,
+        /// What to try.
+        hint: String,
+    },
     /// This machine has no such kind of link at all.
     #[error("{port}: {problem}\n\nhint: {hint}")]
     Unsupported {

@@ -175,7 +175,7 @@ fn attend(
             Err(LinkError::Lost { port, source }) => {
                 let hint =
                     "it went away while it was listened to: check the cable, then try again".to_owned();
-                return Err(DeviceError::Open { port, source, hint });
+                return Err(DeviceError::Lost { port, source, hint });
             }
         }
     }

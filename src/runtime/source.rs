@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::trouble::{Change, Counts, Silence, Trouble, TroubleWatch};
 use crate::device::can::bus::BusState;
-use crate::device::protocol::detect::OTOLITH_CAN;
+use crate::device::protocol::detect::{LONGEST_FRAME_BYTES, OTOLITH_CAN};
 use crate::device::protocol::{DecodeCounters, ImuReading, PacketDecoder, SyncEstimate};
 use crate::device::{DeviceError, Link, LinkError, LinkStatus, Traffic, bandwidth};
 use crate::imu::{AlignmentReport, ClockMode, HeadSample, ImuCounters, ImuPipeline};
@@ -201,7 +201,7 @@ impl Source {
 
     fn look_for_troubles(&mut self, now: HostTime, sink: &mut dyn SourceSink) {
         let counts = Counts {
-            decode: self.decoder.counters(),
+            decode: self.judged_counters(),
             link: self.status,
             imu: self.pipeline.counters(),
             silence: self.silence,
@@ -213,6 +213,17 @@ impl Source {
             Change::Begun(trouble) => sink.event(now, &format!("trouble: {}", trouble.name())),
             Change::Over(trouble, count) => sink.event(now, &format!("over: {count} {}", trouble.name())),
         });
+    }
+
+    /// What the decoder has counted. As long as no protocol is known and it may be too early, nothing counts as damaged or
+    /// stray: the frame that has begun is all those decoders cannot read whose it is not.
+    fn judged_counters(&self) -> DecodeCounters {
+        let counters = self.decoder.counters();
+        let is_early = counters.packets == 0 && counters.bytes_skipped < LONGEST_FRAME_BYTES;
+        if is_early && self.decoder.protocol() == "unknown" {
+            return DecodeCounters { bad_checksum: 0, bytes_skipped: 0, ..counters };
+        }
+        counters
     }
 
     /// Tells the clock what is known about the delay every sample has.

@@ -63,7 +63,8 @@ impl Device {
         String::from_utf8_lossy(&got).into_owned()
     }
 
-    fn read(&self, count: usize) -> Vec<u8> {
+    /// The next `count` bytes written to the host's end.
+    pub(crate) fn read(&self, count: usize) -> Vec<u8> {
         let mut got = vec![0; count];
         let mut filled = 0;
         while filled < count {

@@ -20,7 +20,7 @@ const KEPT_BYTES: usize = 4096;
 /// meanwhile is not used.
 ///
 /// # Errors
-/// [`DeviceError::Configure`] when the device refuses a command or does not answer it; [`DeviceError::Open`] when the
+/// [`DeviceError::Configure`] when the device refuses a command or does not answer it; [`DeviceError::Lost`] when the
 /// port is lost.
 pub fn apply(line: &mut dyn Tunable, port: &str, plan: &Plan, clock: &dyn Clock) -> Result<(), DeviceError> {
     for (done, step) in plan.steps.iter().enumerate() {
@@ -67,7 +67,7 @@ fn lost(port: &str, error: &LinkError) -> DeviceError {
         LinkError::Lost { source, .. } => source.kind(),
         LinkError::EndOfRecording => std::io::ErrorKind::UnexpectedEof,
     };
-    DeviceError::Open {
+    DeviceError::Lost {
         port: port.to_owned(),
         source: kind.into(),
         hint: "the port went away while the device was being set up; plug it in and try again".to_owned(),

@@ -55,7 +55,7 @@ const BAUD_RATES: [u32; 6] = [9_600, 19_200, 115_200, 230_400, 460_800, 921_600]
 
 /// The commands that make a device with a base rate of 1000 Hz send time, acceleration and angular rate at one rate.
 ///
-/// A device with another base rate refuses the second command, and nothing is changed: see [`plan_for_base_rate`].
+/// A device with another base rate stops it at the first command, and nothing is changed: see [`plan_for_base_rate`].
 /// Without a rate in the request it is 100 Hz.
 ///
 /// # Errors
@@ -81,7 +81,6 @@ pub fn plan_for_base_rate(request: &Request, base_rate_hz: u16) -> Result<Plan, 
     let rate_hz = request.rate_hz.unwrap_or(USUAL_RATE_HZ);
     let decimation = decimation(rate_hz, base_rate_hz)?;
     let mut steps = vec![
-        step("stop measuring".to_owned(), BASE, SET_IDLE, &[], acknowledged::<BASE, SET_IDLE>),
         step(
             format!("ask whether the base rate is {base_rate_hz} Hz"),
             DM,
@@ -89,6 +88,7 @@ pub fn plan_for_base_rate(request: &Request, base_rate_hz: u16) -> Result<Plan, 
             &[SENSOR_DATA],
             has_base_rate,
         ),
+        step("stop measuring".to_owned(), BASE, SET_IDLE, &[], acknowledged::<BASE, SET_IDLE>),
         step(
             format!("time, acceleration and angular rate, {rate_hz} Hz"),
             DM,
@@ -210,12 +210,12 @@ mod tests {
     }
 
     #[test]
-    fn the_device_is_stopped_asked_set_and_started_and_saved_only_if_asked() {
+    fn the_device_is_asked_stopped_set_and_started_and_saved_only_if_asked() {
         let set = plan(&request(200.0, None, false)).expect("offered");
-        assert_eq!(commands(&set), [[1, 2], [12, 14], [12, 15], [1, 6]]);
+        assert_eq!(commands(&set), [[12, 14], [1, 2], [12, 15], [1, 6]]);
         assert_eq!(set.steps[2].bytes[6..18], [1, 0x80, 3, 0xD5, 0, 5, 4, 0, 5, 5, 0, 5]);
         let saved = plan(&request(200.0, Some(921_600), true)).expect("offered");
-        assert_eq!(commands(&saved), [[1, 2], [12, 14], [12, 15], [12, 15], [12, 64], [12, 64], [1, 6]]);
+        assert_eq!(commands(&saved), [[12, 14], [1, 2], [12, 15], [12, 15], [12, 64], [12, 64], [1, 6]]);
         assert_eq!(saved.steps[4].baud_after, Some(921_600));
         assert_eq!(saved.steps[4].bytes[6..11], [1, 0, 0x0E, 0x10, 0]);
         assert_eq!(saved.steps[5].bytes[6..11], [3, 0, 0x0E, 0x10, 0]);
@@ -225,9 +225,9 @@ mod tests {
     fn an_acknowledgement_counts_for_its_own_command_alone() {
         let plan = plan(&request(100.0, None, false)).expect("offered");
         let acknowledgement = |set, command, error| command_packet(set, &[command, error]);
-        assert_eq!(judge(&plan, 0, &acknowledgement(1, 6, 0)), Answer::NotYet);
-        assert_eq!(judge(&plan, 0, &acknowledgement(12, 2, 0)), Answer::NotYet);
-        assert_eq!(judge(&plan, 0, &acknowledgement(1, 2, 0)), Answer::Done);
+        assert_eq!(judge(&plan, 1, &acknowledgement(1, 6, 0)), Answer::NotYet);
+        assert_eq!(judge(&plan, 1, &acknowledgement(12, 2, 0)), Answer::NotYet);
+        assert_eq!(judge(&plan, 1, &acknowledgement(1, 2, 0)), Answer::Done);
         let Answer::Refused(why) = judge(&plan, 2, &acknowledgement(12, 15, 3)) else { panic!("an error") };
         assert_eq!(why, "error 0x03, parameter not valid");
     }
@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn another_base_rate_stops_the_plan_before_anything_is_set() {
+    fn another_base_rate_stops_the_plan_before_anything_is_changed() {
         let answer = |rate: [u8; 2]| {
             let fields =
                 [4, ACKNOWLEDGEMENT, BASE_RATE, 0, 5, BASE_RATE_REPLY, SENSOR_DATA, rate[0], rate[1]];
@@ -248,11 +248,11 @@ mod tests {
             packet
         };
         let plan = plan(&request(100.0, None, false)).expect("offered");
-        assert_eq!(judge(&plan, 1, &answer([3, 0xE8])), Answer::Done);
-        let Answer::Refused(why) = judge(&plan, 1, &answer([1, 0xF4])) else { panic!("500 is not 1000") };
+        assert_eq!(judge(&plan, 0, &answer([3, 0xE8])), Answer::Done);
+        let Answer::Refused(why) = judge(&plan, 0, &answer([1, 0xF4])) else { panic!("500 is not 1000") };
         assert_eq!(why, "its base rate is 500 Hz, and these commands are for 1000 Hz");
         let half = plan_for_base_rate(&request(100.0, None, false), 500).expect("offered");
-        assert_eq!(judge(&half, 1, &answer([1, 0xF4])), Answer::Done);
+        assert_eq!(judge(&half, 0, &answer([1, 0xF4])), Answer::Done);
         assert_eq!(half.steps[2].bytes[11], 5);
     }
 

@@ -16,6 +16,7 @@ pub(super) fn serial_findings(facts: &SerialFacts, refusal: Option<&Refusal>) ->
     match refusal {
         Some(Refusal::Missing(there_is)) => findings.push(missing(there_is)),
         Some(Refusal::Other(why)) => findings.push(unopened(why)),
+        Some(Refusal::Lost(why)) => findings.push(lost(why)),
         _ => {}
     }
     if facts.access == Access::Denied || refusal == Some(&Refusal::Denied) {
@@ -63,6 +64,15 @@ fn unopened(why: &str) -> Finding {
         format!("it does not open: {why}"),
         "nothing can be read",
         "mend what the system names, then run `otolith doctor` again".to_owned(),
+    )
+}
+
+fn lost(why: &str) -> Finding {
+    Finding::mend(
+        "lost",
+        format!("it went away while it was listened to: {why}"),
+        "a measurement would have a gap here",
+        "check plug, cable and supply of the device, then run `otolith doctor` again".to_owned(),
     )
 }
 
@@ -116,6 +126,9 @@ pub(super) fn can_findings(selector: &str, facts: &CanFacts, refusal: Option<&Re
     } else {
         format!("sudo ip link set {name} up type can bitrate 500000 (the bitrate of the bus)")
     };
+    if let (false, Some(Refusal::Other(why))) = (facts.exists, refusal) {
+        return vec![unopened(why)];
+    }
     if !facts.exists {
         return vec![Finding::mend(
             "missing",
@@ -134,6 +147,7 @@ pub(super) fn can_findings(selector: &str, facts: &CanFacts, refusal: Option<&Re
     }
     match refusal {
         Some(Refusal::Other(why) | Refusal::Missing(why)) => vec![unopened(why)],
+        Some(Refusal::Lost(why)) => vec![lost(why)],
         Some(Refusal::Denied | Refusal::Busy) => vec![unopened("the system refuses it")],
         None => controller_findings(name, facts),
     }

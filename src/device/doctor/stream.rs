@@ -1,6 +1,6 @@
 //! Findings about what a device sends.
 
-use super::{Finding, LinkFacts, PortFacts, SerialFacts};
+use super::{Finding, Level, LinkFacts, PortFacts, SerialFacts};
 use crate::device::bandwidth::{BITS_PER_BYTE_8N1, MAX_SERIAL_LOAD, check_serial};
 use crate::device::probe::{Heard, Look, MeanSample, Verdict};
 use crate::units::{DEG_PER_RAD, RAD_S_PER_RPM, STANDARD_GRAVITY};
@@ -28,6 +28,10 @@ pub(super) fn findings(facts: &PortFacts, heard: &Heard) -> Vec<Finding> {
         LinkFacts::Can(_) => None,
     };
     match heard.verdict {
+        // A built-in port that nobody has named may have nothing connected.
+        Verdict::Silence if serial.is_some_and(|serial| serial.asked_baud.is_none() && !serial.usb) => {
+            vec![Finding { level: Level::Note, ..silence(facts, heard, true) }]
+        }
         Verdict::Silence => vec![silence(facts, heard, serial.is_some())],
         Verdict::Unknown if serial.is_some() => vec![unknown_bytes(facts, heard)],
         Verdict::Unknown => vec![unknown_frames(facts, heard)],

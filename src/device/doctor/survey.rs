@@ -36,6 +36,7 @@ impl Survey {
             group: self.group_of(&node),
             holders: self.holders(&node, &programs),
             latency_timer_ms: self.latency_timer_ms(&node),
+            usb: is_usb(&node),
             modem_manager: programs.iter().any(|holder| holder.program == MODEM_MANAGER) && is_usb(&node),
             rules_installed: self.at("/etc/udev/rules.d/70-otolith.rules").exists(),
             pseudo_terminal: node.starts_with("/dev/pts"),

@@ -18,6 +18,7 @@ fn serial() -> SerialFacts {
         latency_timer_ms: Some(1),
         modem_manager: false,
         rules_installed: false,
+        usb: true,
         pseudo_terminal: false,
         asked_baud: Some(115_200),
     }
@@ -152,6 +153,16 @@ fn silence_and_strangers_are_told_apart() {
         "silence",
         &["not one byte in 3.0 s", "TX", "power"],
     );
+    let silent = Heard { listened_s: 3.0, ..Heard::default() };
+    let level = |usb, asked_baud| {
+        let serial = SerialFacts { usb, asked_baud, ..serial() };
+        judge(&facts(serial, None, Some(silent.clone())))[0].level
+    };
+    assert_eq!((level(false, None), level(true, None)), (Level::Note, Level::Mend), "nobody has named it");
+    assert_eq!(level(false, Some(9600)), Level::Mend);
+    let gone = facts(serial(), Some(Refusal::Lost("broken pipe".into())), None);
+    assert_told(told(&gone), "lost", &["went away while it was listened to: broken pipe", "cable"]);
+
     let look = |baud, smooth_bytes| Look { baud, bytes: 500, good_packets: 0, smooth_bytes };
     let unknown = |looks| Heard { verdict: Verdict::Unknown, bytes: 1000, looks, ..Heard::default() };
     let slower = unknown(vec![look(115_200, 450), look(57_600, 400), look(9600, 40)]);
@@ -229,6 +240,8 @@ fn a_can_interface_is_judged_by_its_state_and_its_silence() {
         intended_rate_rpm: None,
     };
     assert_told(told(&can(false, false, None, None)), "missing", &["no CAN interface can0"]);
+    let no_can = can(false, false, Some(Refusal::Other("no CAN in the kernel".into())), None);
+    assert_told(told(&no_can), "open", &["no CAN in the kernel"]);
     let command = "sudo ip link set can0 up type can bitrate";
     assert_told(told(&can(true, false, None, None)), "down", &["can0 is down", command]);
     let silent = |bus_errors| Heard { bus_errors, ..Heard::default() };

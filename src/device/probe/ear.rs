@@ -8,13 +8,11 @@ use super::heard::{Heard, MeanSample, Verdict};
 use super::lines::NumberLines;
 use crate::device::Traffic;
 use crate::device::protocol::can_map::BusCensus;
-use crate::device::protocol::detect::{AutoDecoder, Bus};
+use crate::device::protocol::detect::{AutoDecoder, Bus, LONGEST_FRAME_BYTES};
 use crate::device::protocol::{ImuReading, PacketDecoder};
 use crate::time::HostTime;
 use crate::units::DEG_PER_RAD;
 
-/// So many bytes without one good packet or line of text mean nothing at this speed. Longer than any frame in use.
-const NONSENSE_BYTES: u64 = 2048;
 /// Samples, and time from the first to the last, that are enough for a rate and a mean.
 const ENOUGH_SAMPLES: u64 = 10;
 const ENOUGH_TIME: Duration = Duration::from_millis(500);
@@ -147,7 +145,7 @@ impl Ear {
 
     /// True when much was heard and nothing understood.
     pub(super) fn hears_nonsense(&self) -> bool {
-        self.bytes >= NONSENSE_BYTES && self.good_packets() == 0 && !self.lines.is_promising()
+        self.bytes >= LONGEST_FRAME_BYTES && self.good_packets() == 0 && !self.lines.is_promising()
     }
 
     /// True when there is nothing more to find out.

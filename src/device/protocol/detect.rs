@@ -133,6 +133,9 @@ pub const PROTOCOLS: &[Protocol] = &[
 /// then does not make noise a protocol.
 const UNDERSTOOD_SHARE: f64 = 0.5;
 
+/// Bytes, longer than any frame in use, without which nobody can say yet that they are of no packet.
+pub const LONGEST_FRAME_BYTES: u64 = 2048;
+
 /// Share of the bytes of a short capture that may be none of the protocol's.
 const NOISE_SHARE: f64 = 0.1;
 

@@ -61,7 +61,7 @@ const MCAP_MAGIC: &[u8] = b"\x89MCAP";
 /// Finds out what `path` holds, from its first bytes; the name counts only for `.mcap`.
 ///
 /// # Errors
-/// [`DeviceError::File`] or [`DeviceError::EmptyFile`].
+/// [`DeviceError::File`], [`DeviceError::EmptyFile`], or [`DeviceError::FileKind`] for a pipe.
 pub fn detect(path: &Path) -> Result<FileKind, DeviceError> {
     Ok(kind_of(path, &start(path)?))
 }
@@ -69,7 +69,7 @@ pub fn detect(path: &Path) -> Result<FileKind, DeviceError> {
 /// The first bytes of a file, at most 8 KiB.
 ///
 /// # Errors
-/// [`DeviceError::File`] or [`DeviceError::EmptyFile`].
+/// As [`detect`].
 pub fn start(path: &Path) -> Result<Vec<u8>, DeviceError> {
     let mut reader = open_file(path)?;
     Ok(reader.fill_buf().map_err(|source| file_error(path, source))?.to_vec())
@@ -79,7 +79,7 @@ pub fn start(path: &Path) -> Result<Vec<u8>, DeviceError> {
 /// clock; one without, and a text log without `stamp_line`, by the time their bytes take at `baud`.
 ///
 /// # Errors
-/// Missing, unreadable or empty file, or an MCAP recording, which has a command of its own.
+/// Missing, unreadable or empty file, a pipe, or an MCAP recording, which has a command of its own.
 pub fn open(
     path: &Path,
     kind: Option<FileKind>,
@@ -117,7 +117,15 @@ fn open_file(path: &Path) -> Result<BufReader<File>, DeviceError> {
     if metadata.is_dir() {
         return Err(file_error(path, io::ErrorKind::IsADirectory.into()));
     }
-    if metadata.is_file() && metadata.len() == 0 {
+    if !metadata.is_file() {
+        // It would be read more than once: to find out what it holds, and to play it.
+        return Err(DeviceError::FileKind {
+            path: path.to_owned(),
+            kind: "a pipe or a device, expected a file",
+            hint: "save it to a file first; `serial:PORT` reads a port",
+        });
+    }
+    if metadata.len() == 0 {
         return Err(DeviceError::EmptyFile { path: path.to_owned() });
     }
     Ok(BufReader::with_capacity(PROBE_BYTES, file))

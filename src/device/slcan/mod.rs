@@ -61,8 +61,8 @@ impl<L: Link> SlcanLink<L> {
     /// Opens the adapter's channel at `bitrate`, bit/s. `name` is for error texts.
     ///
     /// # Errors
-    /// [`DeviceError::Range`] for a bitrate slcan has no command for, [`DeviceError::Open`] when the adapter refuses it
-    /// or is lost meanwhile. An adapter that does not answer is taken as open.
+    /// [`DeviceError::Range`] for a bitrate slcan has no command for, [`DeviceError::Open`] when the adapter refuses it,
+    /// [`DeviceError::Lost`] when it goes away meanwhile. An adapter that does not answer is taken as open.
     pub fn open(line: L, name: &str, bitrate: u32) -> Result<Self, DeviceError> {
         let set_bitrate = Command::bitrate(bitrate).ok_or_else(|| DeviceError::Range {
             what: "bitrate".to_owned(),
@@ -79,7 +79,7 @@ impl<L: Link> SlcanLink<L> {
             held: false,
             status: LinkStatus::default(),
         };
-        let refused = link.set_up(set_bitrate).map_err(|error| DeviceError::Open {
+        let refused = link.set_up(set_bitrate).map_err(|error| DeviceError::Lost {
             port: name.to_owned(),
             source: io::Error::other(error.to_string()),
             hint: "the adapter went away while it was opened; check its plug".to_owned(),

@@ -7,6 +7,7 @@ use otolith_firmware_protocol::stream::StreamEncoder;
 
 use super::*;
 use crate::device::can::bus::BusFault;
+use crate::device::protocol::detect::{AutoDecoder, Bus as Line};
 use crate::device::protocol::native_can::NativeCanDecoder;
 use crate::device::protocol::native_serial::NativeSerialDecoder;
 use crate::device::reconnect::Reconnecting;
@@ -78,6 +79,28 @@ fn poll_all(source: &mut Source) -> DeviceError {
             return error;
         }
     }
+}
+
+/// Troubles of a device whose protocol is to be found out and whose bytes come seven at a time.
+fn troubles_while_finding_out(bytes: &[u8]) -> Vec<String> {
+    let pieces = bytes.chunks(7).map(<[u8]>::to_vec).collect();
+    let pipeline = ImuPipeline::new(&ImuSettings::default(), Calibration::default(), Mount::default(), 9.81);
+    let decoder = Box::new(AutoDecoder::on(&[Line::Serial]));
+    let mut source = Source::new(Box::new(Frames(pieces, Vec::new())), decoder, pipeline, None);
+    let mut events = Events::default();
+    while source.poll(Duration::ZERO, &mut events).is_ok() {}
+    events.0.retain(|text| text.starts_with("trouble") || text.starts_with("over"));
+    events.0
+}
+
+#[test]
+fn what_others_cannot_read_is_no_trouble_of_a_device() {
+    // The document's example of a VectorNav frame; the others find junk and damage in it.
+    let frame =
+        [0xFA, 1, 8, 0, 0x93, 0x50, 0x2E, 0x42, 0x83, 0x3E, 0xF1, 0x3F, 0x48, 0xB5, 4, 0xBB, 0x92, 0x88];
+    assert_eq!(troubles_while_finding_out(&frame.repeat(100)), [""; 0]);
+    let noise: Vec<u8> = (0..5000u32).map(|k| (k.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
+    assert!(troubles_while_finding_out(&noise).contains(&"trouble: bytes of no packet".to_owned()));
 }
 
 #[test]

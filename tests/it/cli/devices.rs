@@ -127,6 +127,8 @@ fn a_named_port_that_cannot_be_opened_is_an_error_and_others_are_still_heard() {
     let run = place.run(&["devices", "--json", "--listen-s", "0.2", "serial:/dev/no-such-port", &selector]);
     run.complains(2, &["/dev/no-such-port: there is no such port"]);
     let devices = &run.json()["devices"];
+    let text = place.run(&["devices", "--listen-s", "0.2", "can:nope"]).stdout;
+    assert!(text.starts_with("can:nope\n    ") && !text.contains("you may open it"), "{text}");
     assert!(devices[0]["error"].as_str().expect("why").contains("no such port"));
     assert_eq!(devices[1]["heard"]["verdict"], "silence");
 }

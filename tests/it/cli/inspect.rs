@@ -150,6 +150,16 @@ fn a_recorded_text_log_brings_its_mapping_along() {
     place.run(&["replay", "r.mcap", "--verify"]).done();
 }
 
+/// A pipe can be read once only, and finding out what a file holds is the first time.
+#[cfg(unix)]
+#[test]
+fn a_pipe_is_refused_instead_of_losing_its_beginning() {
+    let place = Place::new();
+    for args in [&["inspect", "/dev/null"][..], &["run", "--device", "replay:/dev/null"]] {
+        place.run(args).refused(2, &["/dev/null: this is a pipe or a device", "save it to a file first"]);
+    }
+}
+
 #[test]
 fn foreign_and_random_bytes_hold_no_sample_and_say_so() {
     let place = Place::new();

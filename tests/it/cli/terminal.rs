@@ -59,6 +59,17 @@ fn wrong_arguments_are_usage_errors_with_a_hint() {
     }
 }
 
+#[cfg(unix)]
+#[test]
+fn an_argument_that_is_no_text_is_a_usage_error_too() {
+    use std::os::unix::ffi::OsStrExt;
+
+    let place = Place::new();
+    let mut command = place.command(&["demo"]);
+    super::Run::of(command.arg(std::ffi::OsStr::from_bytes(b"--\xFF")))
+        .refused(2, &["`otolith demo --help`"]);
+}
+
 #[test]
 fn no_command_is_answered_with_the_help() {
     let run = Place::new().run(&[]);
@@ -113,6 +124,44 @@ fn a_closed_pipe_is_no_panic() {
         assert_eq!(String::from_utf8_lossy(&output.stderr), "");
         assert!(output.status.code().is_some_and(|code| code == 0), "{args:?}: {:?}", output.status);
     }
+}
+
+/// A result that cannot be written is a failure, and says so.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_behind_stdout_is_an_error() {
+    let place = Place::new();
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").expect("Linux has it");
+    let mut command = place.command(&["devices", "--list", "--json"]);
+    let output = command.stdin(Stdio::null()).stdout(full).output().expect("starts");
+    let stderr = String::from_utf8(output.stderr).expect("UTF-8");
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert!(
+        stderr.starts_with("error: cannot write to stdout: ") && stderr.contains("\n\nhint: "),
+        "{stderr}"
+    );
+}
+
+/// A device without its last commands would be in a state that nobody asked for.
+#[cfg(unix)]
+#[test]
+fn ctrl_c_while_a_device_is_set_up_lets_it_be_set_up_whole() {
+    let place = Place::new();
+    let device = crate::pty::Device::plug_in(&place.path(""));
+    let selector = format!("serial:{}", device.port());
+    let args = ["run", "--device", &selector, "--protocol", "witmotion", "--configure", "rate=100"];
+    let mut command = place.command(&args);
+    let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
+    let child = child.expect("starts");
+    assert_eq!(device.read(5), [0xFF, 0xAA, 0x69, 0x88, 0xB5], "the first command unlocks");
+    let pid = child.id().to_string();
+    let killed = std::process::Command::new("kill").args(["-INT", &pid]).status().expect("kill exists");
+    assert!(killed.success());
+    assert_eq!(device.read(10), [0xFF, 0xAA, 0x02, 0x07, 0x00, 0xFF, 0xAA, 0x03, 0x09, 0x00]);
+    let output = child.wait_with_output().expect("ends");
+    let stderr = String::from_utf8(output.stderr).expect("UTF-8");
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert!(stderr.starts_with(&format!("error: {selector}")) && stderr.contains("\n\nhint: "), "{stderr}");
 }
 
 /// Colours are for terminals, and NO_COLOR forbids them even there.

@@ -97,7 +97,7 @@ fn mip_commands() {
     for (name, frame, _) in vectors("microstrain-mip-cmd") {
         let written = match name.rsplit('/').next().expect("a name") {
             "ping" => mip::command(0x01, 0x01, &[]),
-            "set_idle" => bytes(&plan)[0].clone(),
+            "set_idle" => bytes(&plan)[1].clone(),
             "resume" => bytes(&plan)[3].clone(),
             "3dm_message_format_set_0x80_d5_04_05_wit" => bytes(&plan)[2].clone(),
             other => panic!("nothing is said of {other}"),
@@ -106,7 +106,7 @@ fn mip_commands() {
     }
     let resumed = vector("microstrain-mip/ack_for_cmd_0x06_resume_error_0");
     assert_eq!(judge(&plan, 3, &resumed), Answer::Done);
-    assert_eq!(judge(&plan, 0, &resumed), Answer::NotYet);
+    assert_eq!(judge(&plan, 1, &resumed), Answer::NotYet);
     // The size of a sample is that of the captured packet without the increment of its time.
     assert_eq!(plan.bytes_per_sample, (vector("microstrain-mip/capture").len() - 10) as f64);
 }
