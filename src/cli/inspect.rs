@@ -113,10 +113,12 @@ fn link_notes(status: &LinkStatus) -> Vec<String> {
         ));
     }
     if status.bus_errors > 0 {
-        let faults: Vec<String> = status.bus_faults.iter().map(|fault| fault.to_string()).collect();
-        let off =
-            if status.bus_off > 0 { format!("; bus off {} times", status.bus_off) } else { String::new() };
-        notes.push(format!("{} error frames: {}{off}", status.bus_errors, faults.join(", ")));
+        let mut said: Vec<String> = status.bus_faults.iter().map(|fault| fault.to_string()).collect();
+        if status.bus_off > 0 {
+            said.push(format!("bus off {} times", status.bus_off));
+        }
+        let colon = if said.is_empty() { "" } else { ": " };
+        notes.push(format!("{} error frames{colon}{}", status.bus_errors, said.join(", ")));
     }
     notes
 }
