@@ -9,13 +9,15 @@ use crate::time::{Clock, HostTime};
 
 /// Wait before the first attempt to reopen.
 pub const FIRST_RETRY: Duration = Duration::from_millis(100);
-/// Longest wait between attempts.
+/// Wait between attempts while the port is not there: it is looked at, and nothing is asked of a device.
+pub const ABSENT_RETRY: Duration = Duration::from_millis(200);
+/// Longest wait before a port is opened again that opens but gives nothing.
 pub const LONGEST_RETRY: Duration = Duration::from_secs(2);
 
 /// When to try again, and what has happened so far.
 #[derive(Debug)]
 struct Outage {
-    /// Pause before the next attempt.
+    /// Pause after the next loss.
     pause: Duration,
     /// When to try again; meaningful while `status.down`.
     retry_at: HostTime,
@@ -27,20 +29,18 @@ impl Outage {
         self.status.down = true;
         self.status.losses += 1;
         self.status.last_loss = Some(kind);
-        self.plan_retry(now);
-    }
-
-    fn plan_retry(&mut self, now: HostTime) {
         self.retry_at = now + self.pause;
         self.pause = (self.pause * 2).min(LONGEST_RETRY);
     }
 }
 
-/// A link that comes back: after [`LinkError::Lost`] it is silent and tries to reopen, with growing pauses.
+/// A link that comes back: after [`LinkError::Lost`] it is silent and tries to reopen.
 ///
 /// A loss is never an error of `receive`; it shows in [`LinkStatus`]. The call that reopens gives no traffic, so that its
-/// caller can see that the link is another one before the first traffic of it. The pause doubles from [`FIRST_RETRY`] to
-/// [`LONGEST_RETRY`] and starts again at the first traffic, so a port that opens and fails at once is not hammered.
+/// caller can see that the link is another one before the first traffic of it. The pause after a loss doubles from
+/// [`FIRST_RETRY`] to [`LONGEST_RETRY`] and starts again at the first traffic, so a port that opens and fails at once is not
+/// hammered. A port that does not open is tried every [`ABSENT_RETRY`], so a device that comes back is soon noticed however
+/// long it was away.
 pub struct Reconnecting<L, F> {
     opener: F,
     clock: Arc<dyn Clock>,
@@ -87,7 +87,7 @@ impl<L: Link, F: FnMut() -> Result<L, DeviceError> + Send> Reconnecting<L, F> {
                 self.outage.status.down = false;
                 self.outage.status.reconnects += 1;
             }
-            Err(_) => self.outage.plan_retry(now),
+            Err(_) => self.outage.retry_at = now + ABSENT_RETRY,
         }
     }
 }
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lost_link_comes_back_after_growing_pauses() {
+    fn a_lost_link_comes_back() {
         let clock = Arc::new(ManualClock::default());
         let mut link = flaky(&clock);
         let timeout = Duration::from_millis(50);
@@ -171,7 +171,7 @@ mod tests {
         assert_eq!((link.status().down, link.status().losses), (true, 1));
         assert_eq!(link.status().last_loss, Some(io::ErrorKind::BrokenPipe));
 
-        // Attempts at 100, 300 and 700 ms; each call waits at most its timeout.
+        // Attempts at 100, 300 and 500 ms; each call waits at most its timeout.
         let back = loop {
             let before = clock.now();
             if let Some((at, Traffic::Bytes(bytes))) = link.receive(timeout).expect("never an error") {
@@ -180,7 +180,7 @@ mod tests {
             assert!(clock.now().saturating_since(before) <= timeout);
         };
         assert_eq!(back, (HostTime(2), vec![2]));
-        assert_eq!(clock.now(), HostTime(700_000_000));
+        assert_eq!(clock.now(), HostTime(500_000_000));
         let status = link.status();
         assert_eq!((status.down, status.losses, status.reconnects), (false, 1, 1));
     }

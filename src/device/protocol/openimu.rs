@@ -207,6 +207,7 @@ impl PacketDecoder for OpenImuDecoder {
     fn rejoin(&mut self) {
         self.scanner.rejoin();
         self.content.followed.restart();
+        self.content.clocks.iter_mut().for_each(CountClock::rejoin);
     }
 
     fn finish(&mut self, on_reading: &mut dyn FnMut(ImuReading)) {

@@ -95,6 +95,12 @@ impl CountClock {
         }
     }
 
+    /// The line was lost and is back: what was sent in between is nobody's loss to count, as with any other device.
+    pub(super) fn rejoin(&mut self) {
+        self.last = None;
+        self.period.restart();
+    }
+
     /// Learns from the step from one count to the next.
     fn judge(&mut self, step: u32) {
         if step == 0 {
@@ -194,6 +200,15 @@ mod tests {
             assert_eq!(times(&mut clock, counts).len(), 57);
             assert_eq!(clock.missing(), 3, "steps of {step}");
         }
+    }
+
+    #[test]
+    fn what_was_sent_while_the_line_was_lost_is_not_missing() {
+        let mut clock = z1();
+        times(&mut clock, (0..20).map(|k| 10_000 * k));
+        clock.rejoin();
+        assert_eq!(times(&mut clock, (50..70).map(|k| 10_000 * k)).len(), 20);
+        assert_eq!(clock.missing(), 0);
     }
 
     #[test]
