@@ -1,7 +1,7 @@
 //! What to do next: recognises the motions of a live calibration as they come.
 
 use super::heading::kind;
-use super::poses::{not_yet_up, poses};
+use super::poses::{find_poses, not_yet_up};
 use super::{CalibrateSettings, Up};
 use crate::survey::{Movement, MovementKind, Sample, Segments};
 
@@ -40,7 +40,7 @@ pub struct Guide {
     settings: CalibrateSettings,
     looked_s: f64,
     step: Step,
-    /// Sensor axes that have not been up yet.
+    /// Sensor axes that have not been up yet, where poses are asked for.
     missing: String,
     /// Movements with a rest after them.
     ended: usize,
@@ -56,6 +56,7 @@ impl Guide {
     /// What to tell the person.
     pub fn prompt(&self) -> String {
         let fixed = match self.step {
+            Step::Rest if self.settings.poses.is_some() => return self.pose_prompt(0),
             Step::Rest => "keep the sensor still for 3 s",
             Step::Nod => {
                 "nod: tip the head (or what carries the sensor) forward first, then back, by 20 deg or more, three times, \
@@ -81,7 +82,8 @@ impl Guide {
                 format!("pose {} of {count}: turn the head's {side} {still}", made + 1)
             }
             None => {
-                format!("pose {}: turn another side {still}; sensor axes to come: {}", made + 1, self.missing)
+                let which = if made == 0 { "any" } else { "another" };
+                format!("pose {}: turn {which} side {still}; sensor axes to come: {}", made + 1, self.missing)
             }
         }
     }
@@ -100,9 +102,13 @@ impl Guide {
         }
         self.looked_s = now_s;
         let segments = Segments::find(samples, &self.settings.rest);
-        let made = poses(samples, &segments);
-        self.missing = not_yet_up(&made);
-        let step = self.next(samples, &segments, made.len());
+        let mut made = 0;
+        if self.settings.poses.is_some() {
+            let poses = find_poses(samples, &segments);
+            self.missing = not_yet_up(&poses);
+            made = poses.len();
+        }
+        let step = self.next(samples, &segments, made);
         let ended = segments.movements.iter().filter(|movement| movement.rest_after.is_some()).count();
         let again = ended > self.ended && matches!(step, Step::Nod | Step::Shake | Step::Spin);
         self.ended = self.ended.max(ended);

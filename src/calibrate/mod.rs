@@ -198,7 +198,7 @@ fn calibrate_by_poses(
     let mut study = Study::new(samples, segments, settings);
     let sampling = Sampling::of(samples);
     let gyro = study.gyro_at_rest(sampling.rate_hz);
-    let poses = poses::poses(samples, segments);
+    let poses = poses::find_poses(samples, segments);
     let accelerometer = study.accelerometer(&poses);
     let posed = match named {
         [] => None,

@@ -55,7 +55,7 @@ pub(super) struct Pose {
 }
 
 /// The poses in the order of time: rests of 1.5 s, those next to each other in the same direction put together.
-pub(super) fn poses(samples: &[Sample], segments: &Segments) -> Vec<Pose> {
+pub(super) fn find_poses(samples: &[Sample], segments: &Segments) -> Vec<Pose> {
     let mut poses: Vec<Pose> = Vec::new();
     for rest in segments.rests.iter().filter(|rest| rest.duration_s(samples) >= LEAST_POSE_S) {
         let Some(force) = Mean::of(&rest.specific_forces(samples)) else { continue };

@@ -14,6 +14,8 @@ use crate::survey::{Estimate, Mean, Sample, Segments};
 const LEAST_PLATEAU_S: f64 = 1.0;
 /// Share of the rate within which neighbouring points are one plateau.
 const SAME_RATE: f64 = 1e-3;
+/// Longest profile, s: looking for the place where it fits takes the square of this.
+const LONGEST_S: f64 = 7200.0;
 /// Steps in which the start of the profile is looked for, s: first through the whole log, then around the best.
 const STEPS_S: (f64, f64) = (0.1, 0.01);
 /// An executed ramp is looked for from this long before the commanded one, s.
@@ -33,11 +35,14 @@ pub struct CommandedProfile {
 }
 
 /// Why a list of points is no profile.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ProfileError {
     /// It says nothing about a plateau.
     #[error("there is no plateau: nowhere is a rate other than 0 kept for 1 s")]
     NoPlateau,
+    /// From its first point to its last it is longer than two hours.
+    #[error("it covers {0} s, expected at most {LONGEST_S} s")]
+    TooLong(f64),
     /// The point of this index is earlier than the one before.
     #[error("the time goes back")]
     GoesBack(usize),
@@ -114,7 +119,8 @@ impl CommandedProfile {
     /// A profile through `points` of time (s) and rate (deg/s); `start_s` is the log's time of its zero, if known.
     ///
     /// # Errors
-    /// [`ProfileError`]: values that are not finite, times that go back, no plateau of 1 s.
+    /// [`ProfileError`]: values that are not finite, times that go back or cover more than two hours, no plateau
+    /// of 1 s.
     pub fn new(points: Vec<(f64, f64)>, start_s: Option<f64>) -> Result<Self, ProfileError> {
         if let Some(bad) = points.iter().position(|(time_s, rate)| !(time_s.is_finite() && rate.is_finite()))
         {
@@ -122,6 +128,11 @@ impl CommandedProfile {
         }
         if let Some(before) = points.windows(2).position(|pair| pair[1].0 < pair[0].0) {
             return Err(ProfileError::GoesBack(before + 1));
+        }
+        if let [first, .., last] = points.as_slice()
+            && last.0 - first.0 > LONGEST_S
+        {
+            return Err(ProfileError::TooLong(last.0 - first.0));
         }
         let profile = Self { points, start_s };
         if profile.levels().is_empty() { Err(ProfileError::NoPlateau) } else { Ok(profile) }
@@ -286,7 +297,7 @@ impl Executed {
         judged.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(near_s, |(_, start_s)| start_s)
     }
 
-    /// One plateau; `None` when its second half is not in the log.
+    /// One plateau; `None` when it is not wholly in the log.
     fn plateau(&self, level: &Level, start_s: f64) -> Option<CommandedPlateau> {
         let (from_s, to_s) = (level.start_s + start_s, level.end_s + start_s);
         let covered = *self.times_s.first()? <= from_s && to_s <= *self.times_s.last()?;

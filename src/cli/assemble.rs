@@ -118,6 +118,9 @@ pub(super) fn open_link(
         decoder.allow_degraded();
     }
     let stamper = sensor.mapping.as_ref().filter(|_| decoder.protocol() == TEXT).map(line_stamper);
+    if let (Selector::Replay { path, kind, .. }, None) = (selector, &stamper) {
+        replay::check_time(path, *kind)?;
+    }
     let link = match plan(config, selector)? {
         Some((port, baud, plan)) => device::open_serial(port, baud, clock, Some(plan))?,
         None => device::open(selector, clock, stamper)?,

@@ -62,7 +62,7 @@ pub(super) struct CalibrateArgs {
     forward: Option<String>,
     /// Six poses instead of a nod: `any`, or the head's directions that are up in them, in the order of time, such as
     /// z,-z,x,-x,y,-y (x is forward, y left, z up).
-    #[arg(long, value_name = "any|ORDER", allow_hyphen_values = true, value_parser = poses,
+    #[arg(long, value_name = "any|ORDER", allow_hyphen_values = true, value_parser = parse_poses,
           conflicts_with_all = ["up", "forward"])]
     poses: Option<Poses>,
     /// Largest rate that is taken for a gyro bias at rest; raise it for a gyro with a large one [default: 3.4].
@@ -80,7 +80,7 @@ pub(super) struct CalibrateArgs {
 #[derive(Clone, Debug)]
 struct Poses(Vec<Vector3<f64>>);
 
-fn poses(text: &str) -> Result<Poses, String> {
+fn parse_poses(text: &str) -> Result<Poses, String> {
     if text == "any" {
         return Ok(Poses(Vec::new()));
     }

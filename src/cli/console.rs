@@ -1,6 +1,7 @@
 //! The person at the terminal of a run: Ctrl-C, keys, the status line.
 
 use std::io::{BufRead, IsTerminal};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -72,9 +73,19 @@ fn troubles_text(troubles: Troubles) -> String {
 
 /// The first Ctrl-C ends the run cleanly; a second one ends the process.
 pub(super) fn stop_on_ctrl_c(signals: &Arc<Signals>) -> Result<(), Failure> {
+    stop_on_ctrl_c_without(None, signals)
+}
+
+/// The same; a second Ctrl-C, which ends the program at once, removes `scratch`.
+pub(super) fn stop_on_ctrl_c_without(
+    scratch: Option<PathBuf>,
+    signals: &Arc<Signals>,
+) -> Result<(), Failure> {
     let signals = signals.clone();
     ctrlc::set_handler(move || {
         if signals.stop.swap(true, Ordering::Relaxed) {
+            // It may not be there yet, or not go: the program ends all the same.
+            let _gone = scratch.as_ref().map(std::fs::remove_file);
             std::process::exit(130);
         }
     })

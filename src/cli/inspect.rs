@@ -80,7 +80,8 @@ fn log(args: &InspectArgs) -> Result<Inspection, Failure> {
         decoder.allow_degraded();
     }
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::start_now());
-    let mut link = device::open(&selector, &clock, sensor.mapping.as_ref().map(line_stamper))?;
+    let stamper = sensor.mapping.as_ref().filter(|_| decoder.protocol() == TEXT).map(line_stamper);
+    let mut link = device::open(&selector, &clock, stamper)?;
     let kind = replay::detect(&args.file)?;
     let mut tally = if kind == FileKind::Raw { args.tally().without_arrivals() } else { args.tally() };
     loop {

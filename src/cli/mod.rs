@@ -26,7 +26,7 @@ use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
 use crate::runtime::Signals;
-use console::stop_on_ctrl_c;
+use console::stop_on_ctrl_c_without;
 pub use failure::{Failure, FailureKind};
 
 /// Strap any IMU to a chair and watch, live, what the inner ear believes and how a body that trusts it sways.
@@ -100,7 +100,8 @@ fn run(cli: &Cli) -> Result<ExitCode, Failure> {
         Command::Reproduce(args) => reproduce::run(args, json),
         Command::Perceive(args) => {
             let signals = Arc::new(Signals::default());
-            stop_on_ctrl_c(&signals)?;
+            // Ctrl-C is seen at the next row, and a pipe may never give one.
+            stop_on_ctrl_c_without(Some(perceive::partial(&args.out)), &signals)?;
             show::result(&perceive::run_until(args, &signals.stop)?, json)?;
             Ok(ExitCode::SUCCESS)
         }

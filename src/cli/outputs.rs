@@ -1,5 +1,7 @@
 //! Files of a run besides the recording: the figure and the summary.
 
+use std::fs::File;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use super::failure::{Failure, FailureKind};
@@ -82,11 +84,13 @@ pub(super) fn make_folder(folder: &Path) -> Result<(), Failure> {
 
 /// Writes a whole file, or leaves none.
 pub(super) fn write_file(path: &Path, text: &str) -> Result<(), Failure> {
-    std::fs::write(path, text).map_err(|error| {
-        if path.is_file() {
+    let written = File::create(path).and_then(|mut file| {
+        file.write_all(text.as_bytes()).inspect_err(|_| {
             // Half a file is worth nothing; one that will not go is no worse than one that could not be written.
             let _gone = std::fs::remove_file(path);
-        }
+        })
+    });
+    written.map_err(|error| {
         Failure::new(
             FailureKind::Failed,
             format!("{}: cannot write it: {error}\n\nhint: check permissions and free space", path.display()),

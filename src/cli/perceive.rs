@@ -161,6 +161,12 @@ impl std::fmt::Display for PerceiveSummary {
     }
 }
 
+/// Where the output stands until it is complete.
+pub(super) fn partial(path: &Path) -> PathBuf {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!(".{name}.{}.partial", std::process::id()))
+}
+
 /// A CSV that appears under its name only when it is complete.
 struct WholeFile {
     path: PathBuf,
@@ -172,8 +178,7 @@ struct WholeFile {
 impl WholeFile {
     /// Starts a file beside `path`: renaming is atomic only within a folder's file system.
     fn create(path: &Path) -> Result<Self, PerceiveError> {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let partial = path.with_file_name(format!(".{name}.{}.partial", std::process::id()));
+        let partial = partial(path);
         let file = File::create(&partial)
             .map_err(|source| PerceiveError::Write { path: path.to_path_buf(), source })?;
         let writer = Some(csv::Writer::from_writer(BufWriter::new(file)));

@@ -33,12 +33,12 @@ pub(super) struct ReadingsArgs {
     /// A recording, a log or a raw capture.
     #[arg(value_name = "FILE", required_unless_present = "device", conflicts_with = "device")]
     file: Option<PathBuf>,
-    /// Device: serial:PORT?baud=N, can:IFACE, replay:FILE, mock:chair.
+    /// Device: serial:PORT?baud=N, can:IFACE, slcan:PORT, replay:FILE, mock:chair.
     #[arg(long, value_name = "SELECTOR")]
     device: Option<String>,
     #[command(flatten)]
     flags: DecoderFlags,
-    /// End after this much time.
+    /// End after this much time: of a live device from its opening on, else from the first sample on.
     #[arg(long, value_name = "S")]
     duration_s: Option<f64>,
 }

@@ -11,13 +11,13 @@ use crate::time::{Clock, HostTime};
 pub const FIRST_RETRY: Duration = Duration::from_millis(100);
 /// Wait between attempts while the port is not there: it is looked at, and nothing is asked of a device.
 pub const ABSENT_RETRY: Duration = Duration::from_millis(200);
-/// Longest wait before a port is opened again that opens but gives nothing.
+/// Longest wait before a port that is there but gives nothing is opened again.
 pub const LONGEST_RETRY: Duration = Duration::from_secs(2);
 
 /// When to try again, and what has happened so far.
 #[derive(Debug)]
 struct Outage {
-    /// Pause after the next loss.
+    /// Pause before the port is opened once more.
     pause: Duration,
     /// When to try again; meaningful while `status.down`.
     retry_at: HostTime,
@@ -29,6 +29,10 @@ impl Outage {
         self.status.down = true;
         self.status.losses += 1;
         self.status.last_loss = Some(kind);
+        self.plan_retry(now);
+    }
+
+    fn plan_retry(&mut self, now: HostTime) {
         self.retry_at = now + self.pause;
         self.pause = (self.pause * 2).min(LONGEST_RETRY);
     }
@@ -37,10 +41,10 @@ impl Outage {
 /// A link that comes back: after [`LinkError::Lost`] it is silent and tries to reopen.
 ///
 /// A loss is never an error of `receive`; it shows in [`LinkStatus`]. The call that reopens gives no traffic, so that its
-/// caller can see that the link is another one before the first traffic of it. The pause after a loss doubles from
-/// [`FIRST_RETRY`] to [`LONGEST_RETRY`] and starts again at the first traffic, so a port that opens and fails at once is not
-/// hammered. A port that does not open is tried every [`ABSENT_RETRY`], so a device that comes back is soon noticed however
-/// long it was away.
+/// caller can see that the link is another one before the first traffic of it. The pause doubles from [`FIRST_RETRY`] to
+/// [`LONGEST_RETRY`] and starts again at the first traffic, so a port that fails at once or refuses is not hammered. One
+/// that is not there is looked for every [`ABSENT_RETRY`], so a device that comes back is soon noticed however long it was
+/// away.
 pub struct Reconnecting<L, F> {
     opener: F,
     clock: Arc<dyn Clock>,
@@ -87,7 +91,14 @@ impl<L: Link, F: FnMut() -> Result<L, DeviceError> + Send> Reconnecting<L, F> {
                 self.outage.status.down = false;
                 self.outage.status.reconnects += 1;
             }
-            Err(_) => self.outage.retry_at = now + ABSENT_RETRY,
+            Err(error) => {
+                let now = self.clock.now();
+                if matches!(error, DeviceError::NoSuchPort { .. }) {
+                    self.outage.retry_at = now + ABSENT_RETRY;
+                } else {
+                    self.outage.plan_retry(now);
+                }
+            }
         }
     }
 }
@@ -143,16 +154,21 @@ mod tests {
         DeviceError::Busy { port: "script".into() }
     }
 
-    /// Opens in turn: a link that is lost after one piece, two refusals, a link with one piece.
+    fn absent() -> DeviceError {
+        DeviceError::NoSuchPort { port: "script".into(), hint: String::new() }
+    }
+
+    /// Opens in turn: a link that is lost after one piece, two failures, a link with one piece.
     fn flaky(
         clock: &Arc<ManualClock>,
+        failure: fn() -> DeviceError,
     ) -> Reconnecting<ScriptLink, impl FnMut() -> Result<ScriptLink, DeviceError>> {
         let mut attempt = 0;
         let opener = move || {
             attempt += 1;
             match attempt {
                 1 => Ok(ScriptLink::new([Event::Silence, Event::Piece(HostTime(1), vec![1]), Event::Lost])),
-                2 | 3 => Err(refused()),
+                2 | 3 => Err(failure()),
                 _ => Ok(ScriptLink::new([Event::Piece(HostTime(2), vec![2])])),
             }
         };
@@ -160,9 +176,9 @@ mod tests {
     }
 
     #[test]
-    fn a_lost_link_comes_back() {
+    fn a_lost_link_comes_back_after_growing_pauses() {
         let clock = Arc::new(ManualClock::default());
-        let mut link = flaky(&clock);
+        let mut link = flaky(&clock, refused);
         let timeout = Duration::from_millis(50);
         assert!(link.receive(timeout).expect("silence is no loss").is_none());
         assert!(!link.status().down);
@@ -171,7 +187,7 @@ mod tests {
         assert_eq!((link.status().down, link.status().losses), (true, 1));
         assert_eq!(link.status().last_loss, Some(io::ErrorKind::BrokenPipe));
 
-        // Attempts at 100, 300 and 500 ms; each call waits at most its timeout.
+        // Attempts at 100, 300 and 700 ms; each call waits at most its timeout.
         let back = loop {
             let before = clock.now();
             if let Some((at, Traffic::Bytes(bytes))) = link.receive(timeout).expect("never an error") {
@@ -180,9 +196,48 @@ mod tests {
             assert!(clock.now().saturating_since(before) <= timeout);
         };
         assert_eq!(back, (HostTime(2), vec![2]));
-        assert_eq!(clock.now(), HostTime(500_000_000));
+        assert_eq!(clock.now(), HostTime(700_000_000));
         let status = link.status();
         assert_eq!((status.down, status.losses, status.reconnects), (false, 1, 1));
+    }
+
+    #[test]
+    fn a_port_that_is_not_there_is_looked_for_at_an_even_pace() {
+        let clock = Arc::new(ManualClock::default());
+        let mut attempts = 0;
+        let opener = || {
+            attempts += 1;
+            if attempts == 1 { Ok(ScriptLink::new([Event::Lost])) } else { Err(absent()) }
+        };
+        let mut link = Reconnecting::open(opener, Arc::clone(&clock) as Arc<dyn Clock>).expect("opens");
+        while clock.now() <= HostTime(20_000_000_000) {
+            assert!(link.receive(Duration::from_millis(50)).expect("silence").is_none());
+        }
+        drop(link);
+        // At 0.1 s, then every 0.2 s.
+        assert_eq!(attempts, 1 + 100);
+    }
+
+    #[test]
+    fn a_port_that_takes_long_to_refuse_gets_its_pause_all_the_same() {
+        let clock = Arc::new(ManualClock::default());
+        let (mut first, slow) = (true, Arc::clone(&clock));
+        let opener = move || {
+            if std::mem::take(&mut first) {
+                return Ok(ScriptLink::new([Event::Lost]));
+            }
+            slow.sleep_until(slow.now() + Duration::from_secs(2));
+            Err(refused())
+        };
+        let mut link = Reconnecting::open(opener, Arc::clone(&clock) as Arc<dyn Clock>).expect("opens");
+        for _ in 0..2 {
+            assert!(link.receive(Duration::from_millis(100)).expect("silence").is_none());
+        }
+        assert_eq!(clock.now(), HostTime(100_000_000));
+        assert!(link.receive(Duration::from_millis(50)).expect("silence").is_none());
+        assert_eq!(clock.now(), HostTime(2_100_000_000), "refused after 2 s");
+        assert!(link.receive(Duration::from_millis(150)).expect("silence").is_none());
+        assert_eq!(clock.now(), HostTime(2_250_000_000), "it waits for 2.3 s");
     }
 
     #[test]

@@ -159,6 +159,8 @@ impl Source {
         if pause_s > longest_pause_s && !self.troubles.present().any(explained) {
             self.silence.count += u64::from(!self.silence.lasts);
             self.silence.lasts = true;
+            // What is told from here on is told later than this.
+            self.last_at = self.last_at.max(now);
             self.look_for_troubles(now, sink);
         }
     }

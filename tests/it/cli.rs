@@ -13,6 +13,8 @@ mod inspect_logs;
 mod inspect_variants;
 mod logs;
 mod perceive;
+#[cfg(unix)]
+mod perceive_interrupted;
 mod recording;
 mod refusals;
 mod reproduce;
@@ -20,7 +22,7 @@ mod terminal;
 mod xbus_mip;
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 
 use serde_json::Value;
 use tempfile::TempDir;
@@ -103,6 +105,13 @@ impl Place {
 
     fn run(&self, args: &[&str]) -> Run {
         Run::of(&mut self.command(args))
+    }
+
+    /// The program while it runs, with nothing to read and its output kept.
+    fn spawn(&self, args: &[&str]) -> Child {
+        let mut command = self.command(args);
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command.spawn().expect("the program starts")
     }
 
     /// Names of everything in the folder, sorted.

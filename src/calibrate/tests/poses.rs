@@ -241,6 +241,9 @@ fn the_guide_asks_for_one_side_after_the_other() {
     let samples = truth.samples(6);
     for named in [&ORDER[..], &[]] {
         let mut guide = Guide::new(&posed(named));
+        let first =
+            if named.is_empty() { "pose 1: turn any side up" } else { "pose 1 of 6: turn the head's top up" };
+        assert!(guide.prompt().starts_with(first), "{}", guide.prompt());
         let (mut steps, mut prompts) = (Vec::new(), Vec::new());
         for end in (0..samples.len()).step_by(20) {
             if let Some(step) = guide.look(&samples[..end]) {

@@ -166,5 +166,7 @@ fn steps_and_sampled_ramps_are_profiles_and_other_lists_are_none() {
     assert_eq!(error(&[]), ProfileError::NoPlateau);
     assert_eq!(error(&[(0.0, 0.0), (9.0, 60.0)]), ProfileError::NoPlateau);
     assert_eq!(error(&[(0.0, 1.0), (-1.0, 1.0)]), ProfileError::GoesBack(1));
+    // A minute written down in milliseconds.
+    assert_eq!(error(&[(0.0, 1.0), (60_000.0, 1.0)]), ProfileError::TooLong(60_000.0));
     assert_eq!(error(&[(0.0, 1.0), (f64::NAN, 1.0)]), ProfileError::NotFinite(1));
 }

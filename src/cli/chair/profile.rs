@@ -43,6 +43,6 @@ pub(super) fn read(path: &Path, start_s: Option<f64>) -> Result<CommandedProfile
         ProfileError::GoesBack(row) | ProfileError::NotFinite(row) => {
             fail(&format!("line {}: {error}", lines[row]))
         }
-        ProfileError::NoPlateau => fail(&error),
+        ProfileError::NoPlateau | ProfileError::TooLong(_) => fail(&error),
     })
 }

@@ -92,7 +92,10 @@ fn unknown_frames(facts: &PortFacts, heard: &Heard) -> Finding {
     let selector = without_options(facts);
     let mend = match heard.fitting_maps() {
         [] => "record it with `candump -l`; `otolith inspect LOG` lists its identifiers and says what a mapping needs".to_owned(),
-        maps => format!("otolith run --device {selector} --map {} (it fits this bus)", maps.join(" or ")),
+        [map] => format!("otolith run --device {selector} --map {map}"),
+        [map, others @ ..] => {
+            format!("otolith run --device {selector} --map {map} (these fit, too: {})", others.join(", "))
+        }
     };
     Finding::mend(
         "unknown",

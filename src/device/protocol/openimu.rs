@@ -93,7 +93,8 @@ fn look(bytes: &[u8]) -> Look {
         {
             Look::NoFrame
         }
-        // The length of these is known: a wrong one must not hold up what follows.
+        // Captures show the length of these: a wrong one must not hold up what follows. Of the others there are documents
+        // only, and a good frame of another length is better told as unknown than lost.
         [SYNC, SYNC, b'z', b'1', length, ..] if *length != 40 => Look::Damaged,
         [SYNC, SYNC, b'S', b'1', length, ..] if *length != 24 => Look::Damaged,
         [SYNC, SYNC, 0x15, 0x15, length, ..] if *length != 2 => Look::Damaged,

@@ -23,6 +23,12 @@ pub(super) fn has_delta_stamps(start: &[u8]) -> bool {
     stamps.iter().all(|stamp| *stamp < LATEST_FROM_START_NS) && 4 * not_ahead > steps.len()
 }
 
+/// Whether any frame in the first bytes of a log has a stamp; true where there is no frame.
+pub(super) fn is_timed(start: &[u8]) -> bool {
+    let frames = || start.split(|byte| *byte == b'\n').filter_map(parse_candump_line);
+    frames().next().is_none() || frames().any(|frame| frame.stamp_ns.is_some())
+}
+
 /// Plays a candump log. Lines that are no data frame of classic CAN are skipped and their bytes counted, a last one that
 /// was cut for itself; error frames are counted by what they say. A frame without a stamp has the time of the one before.
 #[derive(Debug)]
@@ -57,7 +63,7 @@ impl<R: BufRead + Send> CandumpReplay<R> {
         Self { sum_ns: Some(0), ..self }
     }
 
-    /// Time of a frame in the replay.
+    /// Time of a line in the replay. One that is no data frame counts as well: the next may be dated from it.
     fn at(&mut self, stamp_ns: Option<u64>) -> HostTime {
         if let (Some(sum_ns), Some(step_ns)) = (&mut self.sum_ns, stamp_ns) {
             *sum_ns = sum_ns.saturating_add(step_ns);
@@ -71,8 +77,14 @@ impl<R: BufRead + Send> Link for CandumpReplay<R> {
         while read_line(&self.name, &mut self.reader, &mut self.line)? {
             match parse_candump_line(&self.line) {
                 None if is_cut(&self.line) => self.status.unfinished_bytes += self.line.len() as u64,
-                None => self.status.bytes_skipped += self.line.len() as u64,
-                Some(frame) if frame.error => self.status.note_error_frame(frame.id, frame.data()),
+                None => {
+                    self.status.bytes_skipped += self.line.len() as u64;
+                    let _at = self.at(line::stamp_of_line(&self.line));
+                }
+                Some(frame) if frame.error => {
+                    self.status.note_error_frame(frame.id, frame.data());
+                    let _at = self.at(frame.stamp_ns);
+                }
                 Some(frame) => {
                     self.status.note_data_frame();
                     self.frame = frame;

@@ -92,6 +92,10 @@ pub fn open(
     let has_delta_stamps = kind == FileKind::Candump && candump::has_delta_stamps(start);
     let name = path.display().to_string();
     match kind {
+        // Lines with a mapping are dated by it, whatever noise stands before the first of them.
+        FileKind::Raw if stamp_line.is_some() => {
+            Ok(Box::new(TextReplay::new(name, reader, baud, stamp_line)))
+        }
         FileKind::Text => Ok(Box::new(TextReplay::new(name, reader, baud, stamp_line))),
         FileKind::Candump if has_delta_stamps => {
             Ok(Box::new(CandumpReplay::new(name, reader).with_delta_stamps()))
@@ -105,6 +109,31 @@ pub fn open(
             hint: "play it with `otolith replay FILE`",
         }),
     }
+}
+
+/// Refuses a file that does not say when its samples were taken: played, it would run at a pace that is nobody's.
+///
+/// A text log is not judged: that is up to its mapping.
+///
+/// # Errors
+/// As [`detect`], and [`DeviceError::FileKind`] for a candump log without stamps and a raw capture whose first samples have
+/// no device time.
+pub fn check_time(path: &Path, kind: Option<FileKind>) -> Result<(), DeviceError> {
+    let start = start(path)?;
+    let (timed, kind, hint) = match kind.unwrap_or_else(|| kind_of(path, &start)) {
+        FileKind::Candump => (
+            candump::is_timed(&start),
+            "a candump log without times, expected one with them",
+            "record it with `candump -l`, or show the times with `candump -t a`",
+        ),
+        FileKind::Raw => (
+            raw::is_timed(&start),
+            "a raw capture whose samples carry no time, expected the device's",
+            "let the device send its time, or take it with `otolith run --record`, which dates what arrives",
+        ),
+        FileKind::Text | FileKind::Tlog | FileKind::Mcap => return Ok(()),
+    };
+    if timed { Ok(()) } else { Err(DeviceError::FileKind { path: path.to_owned(), kind, hint }) }
 }
 
 fn file_error(path: &Path, source: io::Error) -> DeviceError {

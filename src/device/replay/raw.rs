@@ -14,6 +14,16 @@ const PIECE_BYTES: usize = 64;
 /// A longer step of the device's clock is no silence but a clock that was set, or a damaged frame, µs.
 const LONGEST_STEP_US: i64 = 10_000_000;
 
+/// Whether any sample in the first bytes of a capture has a device time; true where there is no sample.
+pub(super) fn is_timed(start: &[u8]) -> bool {
+    let (mut samples, mut dated) = (0_u64, 0_u64);
+    AutoDecoder::on(&[Bus::Serial]).push(Traffic::Bytes(start), &mut |reading| {
+        samples += 1;
+        dated += u64::from(reading.device_time.is_some());
+    });
+    samples == 0 || dated > 0
+}
+
 /// Plays raw bytes at the pace of the device's clock, where a protocol that is found by itself carries one, and otherwise
 /// as an always busy serial line of the given baud rate would have delivered them.
 ///

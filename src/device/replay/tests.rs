@@ -257,6 +257,8 @@ fn lines_that_are_no_frames_are_refused() {
         "(2021-13-19 18:13:36.5)  can0  3A0   [1]  00",
         "(99999999999999999999.0) can0 3A0#00",
         "(1.0) can0 3A0#0\u{e9}",
+        // A log has a stamp in every line; this is what somebody called a session.
+        "Subject 042#",
     ] {
         assert_eq!(parse_candump_line(line.as_bytes()), None, "{line}");
     }
@@ -278,9 +280,7 @@ fn what_candump_writes_to_the_screen_is_read_as_its_log() {
     }
     let mut unstamped = logged;
     unstamped.stamp_ns = None;
-    for line in
-        ["  can0  3A0   [4]  00 5C 0F 64", "can0 3A0#005C0F64", "\u{feff}  can0  3A0   [4]  00 5c 0f 64"]
-    {
+    for line in ["  can0  3A0   [4]  00 5C 0F 64", "\u{feff}  can0  3A0   [4]  00 5c 0f 64"] {
         assert_eq!(parse_candump_line(line.as_bytes()), Some(unstamped), "{line}");
     }
     let empty = parse_candump_line(b"  can0  18FF1234   [0] ").expect("a frame");
@@ -306,6 +306,18 @@ fn times_since_the_frame_before_are_summed() {
         let times: Vec<u64> = drain(link.as_mut()).into_iter().map(|(at, _)| at.0 / 1_000_000).collect();
         assert_eq!(times, expected, "{stamps:?}");
     }
+}
+
+/// `candump -t d` counts from whatever line came before.
+#[test]
+fn lines_that_are_no_data_frame_take_their_time_as_well() {
+    let data = " (000.005000)  can0  3A0   [1]  00\n";
+    let error = " (000.050000)  can0  20000040   [8]  00 00 00 00 00 00 00 00   ERRORFRAME\n";
+    let request = " (000.040000)  can0  3A1   [0]  remote request\n";
+    let log = file(".log", [data, data, data, data, error, request, data].concat().as_bytes());
+    let mut link = open(log.path(), None, 115_200, None).expect("opens");
+    let times: Vec<u64> = drain(link.as_mut()).into_iter().map(|(at, _)| at.0 / 1_000_000).collect();
+    assert_eq!(times, [0, 5, 10, 15, 110]);
 }
 
 proptest! {

@@ -1,6 +1,5 @@
 //! `otolith devices` at pseudo-terminals on which captures of real devices play at their speed.
 
-use std::process::Stdio;
 use std::time::Duration;
 
 use otolith::time::{Clock, SystemClock};
@@ -15,9 +14,7 @@ const STEP: Duration = Duration::from_millis(5);
 
 /// Runs the program with `args` while `device` sends `bytes` over and over, at 8N1 and `baud` bit/s.
 pub(super) fn run_beside(place: &Place, args: &[&str], device: &Device, bytes: &[u8], baud: u32) -> Run {
-    let mut command = place.command(args);
-    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-    let mut child = command.spawn().expect("starts");
+    let mut child = place.spawn(args);
     let clock = SystemClock::start_now();
     let mut stream = bytes.iter().copied().cycle();
     let mut sent = 0;

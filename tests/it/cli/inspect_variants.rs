@@ -24,6 +24,10 @@ fn sentences_of_a_device_are_a_capture_and_no_log() {
     // How fast the line was is not how often the device measured.
     assert_eq!((&json["rate_hz"], &json["duration_s"]), (&Value::Null, &Value::Null));
     assert!(json["notes"].to_string().contains("no time at all"), "{}", json["notes"]);
+    // What turns rates into angles wants times.
+    let lacks = ["vn.txt: ", "carry no time", "`otolith run --record`"];
+    place.run(&["chair", "vn.txt"]).refused(2, &lacks);
+    place.run(&["run", "--device", "replay:vn.txt", "--pace", "max"]).refused(2, &lacks);
     // Sentences of a satellite receiver are nothing that is known here.
     place.write("gps.txt", sentence("GPVTG,054.7,T,034.4,M,005.5,N,010.2,K").repeat(20));
     place.run(&["inspect", "gps.txt"]).refused(2, &["gps.txt: ", "needs a mapping"]);
@@ -72,6 +76,26 @@ fn a_sketch_whose_first_bytes_are_noise_is_read_by_its_mapping() {
     assert!((number(&json, "/rate_hz") - 100.0).abs() < 1e-9);
 }
 
+/// The times of its lines count, not the speed of the line.
+#[test]
+fn a_chair_turns_as_far_in_a_sketch_with_noise_as_in_one_without() {
+    let place = Place::new();
+    // 3 s of rest, 20 s at 45 deg/s, 3 s of rest; 100 Hz.
+    let row = |k: u32| {
+        let rate = if (300..2300).contains(&k) { 45 } else { 0 };
+        format!("{} 0 0 1 0 0 {rate}\r\n", 10_000 * k)
+    };
+    let rows: String = (0..2600).map(row).collect();
+    place.write("clean.txt", &rows);
+    place.write("noisy.bin", [&b"\x00\xF8\x80ets\x1C\n"[..], rows.as_bytes()].concat());
+    let mapping = shipped("configs/logs/arduino-mpu6050.toml");
+    for file in ["clean.txt", "noisy.bin"] {
+        let json = place.run(&["chair", file, "--log-map", &mapping, "--json"]).done().json();
+        let turned = number(&json, "/integral_imu_deg/2");
+        assert!((turned - 900.0).abs() < 2.0, "{file}: {turned} deg");
+    }
+}
+
 #[test]
 fn a_mapping_whose_columns_are_not_in_the_header_is_refused() {
     let place = Place::new();
@@ -91,6 +115,7 @@ fn frames_without_times_are_read_and_the_lack_is_said() {
     let others =
         "  can0  123   [0]  remote request\n  can0  20000040   [8]  00 00 00 00 00 00 00 00   ERRORFRAME\n";
     place.write("screen.txt", sample.repeat(40) + others);
+    place.run(&["chair", "screen.txt"]).refused(2, &["screen.txt: ", "without times", "`candump -l`"]);
     let json = place.run(&["inspect", "screen.txt", "--json"]).done().json();
     assert_eq!((&json["kind"], &json["protocol"]), (&"candump".into(), &"witmotion-can".into()));
     assert_eq!((number(&json, "/samples"), number(&json, "/link/bytes_skipped")), (40.0, 34.0));

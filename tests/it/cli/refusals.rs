@@ -230,7 +230,6 @@ fn a_source_is_not_overwritten_by_its_recording() {
 #[cfg(unix)]
 #[test]
 fn a_line_too_slow_for_the_announced_rate() {
-    use std::process::Stdio;
     use std::time::Duration;
 
     use otolith::time::{Clock, SystemClock};
@@ -242,13 +241,7 @@ fn a_line_too_slow_for_the_announced_rate() {
     let device = crate::pty::Device::plug_in(&place.path(""));
     let selector = format!("serial:{}?baud=115200", device.port());
     let args = ["run", "--device", &selector, "--duration-s", "20"];
-    let mut child = place
-        .command(&args)
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("starts");
+    let mut child = place.spawn(&args);
     let capture = super::inspect::raw_capture();
     let hello = &capture[..capture.iter().position(|byte| *byte == 0).expect("a frame ends with 0") + 1];
     let clock = SystemClock::start_now();

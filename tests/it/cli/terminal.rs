@@ -117,8 +117,7 @@ fn devices_are_listed_as_json() {
 fn a_closed_pipe_is_no_panic() {
     for args in [&["devices", "--json"][..], &["run", "--print-config"], &["--help"]] {
         let place = Place::new();
-        let mut child =
-            place.command(args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
+        let mut child = place.spawn(args);
         drop(child.stdout.take());
         let output = child.wait_with_output().expect("ends");
         assert_eq!(String::from_utf8_lossy(&output.stderr), "");
@@ -197,13 +196,7 @@ fn ctrl_c_ends_a_run_with_summary_and_whole_files() {
 
     let place = Place::new();
     let args = ["demo", "--pace", "real", "--json", "--out", "x"];
-    let child = place
-        .command(&args)
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("starts");
+    let child = place.spawn(&args);
     let clock = SystemClock::start_now();
     let recording = place.path("x/recording.mcap");
     let begun = (0..PATIENCE).any(|_| {

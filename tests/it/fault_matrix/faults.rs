@@ -5,7 +5,7 @@ use std::sync::Arc;
 use otolith::device::LinkStatus;
 use otolith::device::can::bus::BusState;
 use otolith::device::fault::WrongBaud;
-use otolith::device::reconnect::FIRST_RETRY;
+use otolith::device::reconnect::{ABSENT_RETRY, FIRST_RETRY};
 use otolith::runtime::trouble::Trouble;
 
 use super::device::{NODE, OTHER_NODE, Outage, StatusAt};
@@ -16,8 +16,8 @@ use super::streams::{Carrier, Content, Counting, Packet, Parts, Sample, Stream};
 const LENGTH_MS: u64 = 300;
 /// A device that is unplugged is back after this, ms: between the first and the second attempt to reopen it.
 const UNPLUGGED_MS: u64 = 200;
-/// The second attempt to reopen comes so long after the loss: one pause, and one of twice the length, ms.
-const REOPENED_MS: u64 = 3 * FIRST_RETRY.as_millis() as u64;
+/// The second attempt to reopen comes so long after the loss, ms.
+const REOPENED_MS: u64 = (FIRST_RETRY.as_millis() + ABSENT_RETRY.as_millis()) as u64;
 /// Device time of the first sample, µs, but for the wrap.
 const START_US: u64 = 100_000_000;
 /// How far the device's clock jumps, µs.

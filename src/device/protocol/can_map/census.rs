@@ -53,6 +53,9 @@ pub struct PartlyKnown {
     pub identifiers: Vec<String>,
 }
 
+/// Intervals of an identifier that are kept for their median; those of the first frames stand for all.
+const MAX_INTERVALS: usize = 4096;
+
 /// Takes the frames of a bus one by one.
 #[derive(Debug, Default)]
 pub struct BusCensus {
@@ -172,7 +175,9 @@ impl IdTally {
     fn take(&mut self, at: HostTime, bytes: usize) {
         self.frames += 1;
         let interval_us = at.saturating_since(self.last).as_micros();
-        self.intervals_us.push(u32::try_from(interval_us).unwrap_or(u32::MAX));
+        if self.intervals_us.len() < MAX_INTERVALS {
+            self.intervals_us.push(u32::try_from(interval_us).unwrap_or(u32::MAX));
+        }
         self.last = at;
         self.shortest = self.shortest.min(bytes);
         self.longest = self.longest.max(bytes);

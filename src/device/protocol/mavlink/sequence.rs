@@ -5,7 +5,9 @@ const LATEST: u8 = 63;
 /// So many frames in a row behind the newest, and it is the component that began anew.
 const RESTART_AFTER: u8 = 3;
 
-/// Counts missing frames by their 8-bit number. A frame that comes late takes its loss back.
+/// Counts missing frames by their 8-bit number. A frame that comes late takes its loss back, which
+/// [`SequenceWatch`](crate::device::protocol::sequence::SequenceWatch) does not: radios and companions of vehicles forward
+/// frames in another order than they were numbered.
 #[derive(Debug, Default)]
 pub(super) struct Sequence {
     newest: Option<u8>,

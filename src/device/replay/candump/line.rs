@@ -43,22 +43,33 @@ const ERROR_FLAG: u32 = 0x2000_0000;
 ///
 /// Written here because the parser of `socketcan` exists on Linux only and stops at the first bad line.
 pub fn parse_candump_line(line: &[u8]) -> Option<CandumpRecord> {
-    let text = std::str::from_utf8(line.strip_prefix(BYTE_ORDER_MARK).unwrap_or(line)).ok()?;
-    let (stamp_ns, rest) = match text.trim_ascii_start().strip_prefix('(') {
-        Some(stamped) => {
-            let (stamp, rest) = stamped.split_once(')')?;
-            (Some(stamp_ns(stamp)?), rest.strip_prefix([' ', '\t'])?)
-        }
-        None => (None, text),
-    };
+    let (stamp_ns, rest) = cut_stamp(line)?;
     let mut fields = rest.split_ascii_whitespace();
     let _interface = fields.next()?;
     let first = fields.next()?;
     let frame = match first.split_once('#') {
-        Some((id, payload)) => log_frame(id, payload, fields),
+        // Logs have a stamp in every line: without one it is something else with a `#` in it.
+        Some((id, payload)) => stamp_ns.and_then(|_| log_frame(id, payload, fields)),
         None => screen_frame(first, fields),
     };
     frame.map(|frame| CandumpRecord { stamp_ns, ..frame })
+}
+
+/// The stamp of a line, ns, whatever stands behind it; see [`CandumpRecord::stamp_ns`].
+pub(super) fn stamp_of_line(line: &[u8]) -> Option<u64> {
+    cut_stamp(line)?.0
+}
+
+/// The stamp of a line, where there is one, and what stands behind it.
+fn cut_stamp(line: &[u8]) -> Option<(Option<u64>, &str)> {
+    let text = std::str::from_utf8(line.strip_prefix(BYTE_ORDER_MARK).unwrap_or(line)).ok()?;
+    match text.trim_ascii_start().strip_prefix('(') {
+        Some(stamped) => {
+            let (stamp, rest) = stamped.split_once(')')?;
+            Some((Some(stamp_ns(stamp)?), rest.strip_prefix([' ', '\t'])?))
+        }
+        None => Some((None, text)),
+    }
 }
 
 fn log_frame<'a>(
