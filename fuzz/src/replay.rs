@@ -82,7 +82,7 @@ pub(crate) fn candump(data: &[u8]) {
     let expected = (frames.len() - errors, errors as u64, skipped as u64);
     let not_played = status.bytes_skipped + status.unfinished_bytes;
     assert_eq!((pieces.len(), status.bus_errors, not_played), expected);
-    let cut = lines().last().filter(|line| !line.ends_with(b"\n") && parse_candump_line(line).is_none());
+    let cut = lines().next_back().filter(|line| !line.ends_with(b"\n") && parse_candump_line(line).is_none());
     assert_eq!(status.unfinished_bytes, cut.map_or(0, <[u8]>::len) as u64);
     for (frame, (_, id, data)) in frames.iter().filter(|frame| !frame.error).zip(&pieces) {
         assert_eq!((Some((frame.id, frame.extended)), frame.data()), (*id, &data[..]));
