@@ -2,8 +2,10 @@
 
 use std::os::fd::OwnedFd;
 use std::path::Path;
+use std::time::Duration;
 
 use rustix::fs::OFlags;
+use rustix::io::Errno;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
@@ -28,10 +30,23 @@ impl Port {
         Self { master }
     }
 
-    /// Writes what fits; a device does not wait for its host. Requests of the host are read and ignored.
-    pub(super) fn write(&self, bytes: &[u8]) {
+    /// Writes bytes; requests of the host are read and ignored.
+    ///
+    /// A terminal holds 4 kB. Where a busy computer kept this test or the program from running, bytes come in a burst that
+    /// no line makes, and wait for their reader; what nobody reads within a second is lost.
+    pub(super) fn write(&self, mut bytes: &[u8]) {
         let mut requests = [0; 256];
         let _request = rustix::io::read(&self.master, &mut requests);
-        let _overflow = rustix::io::write(&self.master, bytes);
+        for _ in 0..1000 {
+            match rustix::io::write(&self.master, bytes) {
+                Ok(written) => bytes = &bytes[written..],
+                Err(Errno::AGAIN) => {}
+                Err(_) => return,
+            }
+            if bytes.is_empty() {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
     }
 }
